@@ -10,6 +10,6 @@ use fantex_look::reference::fill_reference;
 fn main() -> Result<(), Box<dyn Error>> {
     fs::write("docs/look.schema.json", serde_json::to_string_pretty(look_schema())? + "\n")?;
     let page = fs::read_to_string("docs/look.md")?;
-    fs::write("docs/look.md", fill_reference(&page))?;
+    fs::write("docs/look.md", fill_reference(&page)?)?;
     Ok(())
 }

@@ -1,8 +1,10 @@
 //! The tables of keys in the reference page.
 //!
 //! The page is written by hand, except for what stands between `<!-- keys: NAME -->` and `<!-- end -->`: a table of the keys of
-//! the schema's `$defs/NAME` (of the whole look, for `Look`; of a kind of `$defs/NAME`, for `NAME KIND`), made from the schema.
+//! the schema's `$defs/NAME` (of the whole look, for `Look`; of a kind of `$defs/NAME`, for `NAME KIND`), made from the schema. Where a key takes
+//! one of several words, what they mean stands below the first table that has the choice.
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
 
 use serde_json::{Map, Value};
@@ -13,23 +15,27 @@ const START: &str = "<!-- keys: ";
 const START_END: &str = " -->";
 const END: &str = "<!-- end -->";
 
-/// The page with all tables of keys made anew. Unknown names and unclosed marks leave what they enclose as it is.
-pub fn fill_reference(page: &str) -> String {
+/// Start of a reference in the schema.
+const DEFINITIONS: &str = "#/$defs/";
+
+/// The page with all tables of keys made anew.
+///
+/// # Errors
+/// Says which mark is not closed, or names nothing in the schema.
+pub fn fill_reference(page: &str) -> Result<String, String> {
     let mut filled = String::with_capacity(page.len());
+    let mut explained = BTreeSet::new();
     let mut rest = page;
     while let Some((before, name, after)) = next_mark(rest) {
-        filled.push_str(before);
-        let _written = writeln!(filled, "{START}{name}{START_END}");
-        match (key_table(name), after.find(END)) {
-            (Some(table), Some(end)) => {
-                filled.push_str(&table);
-                rest = &after[end..];
-            }
-            _ => rest = after,
-        }
+        let table = table_of(name).ok_or_else(|| format!("the schema has no table '{name}'"))?;
+        let end = after.find(END).ok_or_else(|| format!("the mark of '{name}' has no end"))?;
+        let keys = key_table(table);
+        let words = words_of(table, &mut explained);
+        let _written = write!(filled, "{before}{START}{name}{START_END}\n{keys}{words}");
+        rest = &after[end..];
     }
     filled.push_str(rest);
-    filled
+    Ok(filled)
 }
 
 /// What stands before the next mark, its name, and what stands after its line.
@@ -45,21 +51,57 @@ fn kind_of(table: &Value) -> Option<&str> {
     table.get("properties")?.as_object()?.values().find_map(|property| property.get("const")?.as_str())
 }
 
-/// The keys of a table as Markdown; `None` for names that are not in the schema.
-pub fn key_table(name: &str) -> Option<String> {
+/// The table that a mark names.
+fn table_of(name: &str) -> Option<&'static Value> {
     let schema = look_schema();
-    let table = match name.split_once(' ') {
-        None if name == "Look" => schema,
-        None => schema.get("$defs")?.get(name)?,
+    match name.split_once(' ') {
+        None if name == "Look" => Some(schema),
+        None => definition(name),
         Some((name, kind)) => {
-            let kinds = schema.get("$defs")?.get(name)?.get("oneOf")?.as_array()?;
-            kinds.iter().find(|table| kind_of(table) == Some(kind))?
+            let kinds = definition(name)?.get("oneOf")?.as_array()?;
+            kinds.iter().find(|table| kind_of(table) == Some(kind))
         }
-    };
-    let properties = table.get("properties")?.as_object()?;
+    }
+}
+
+fn definition(name: &str) -> Option<&'static Value> {
+    look_schema().get("$defs")?.get(name)
+}
+
+/// The keys of a table, without the one that tells its kind.
+fn keys_of(table: &Value) -> impl Iterator<Item = (&String, &Value)> {
+    let keys = table.get("properties").and_then(Value::as_object).into_iter().flatten();
+    keys.filter(|(_, property)| property.get("const").is_none())
+}
+
+/// What the words mean that keys of a table take, as Markdown: of the choices that are not explained yet.
+fn words_of(table: &Value, explained: &mut BTreeSet<String>) -> String {
+    let mut text = String::new();
+    for (key, property) in keys_of(table) {
+        let reference = property.get("$ref").or_else(|| property.get("items")?.get("$ref"));
+        let Some(name) = reference.and_then(Value::as_str).and_then(|r| r.strip_prefix(DEFINITIONS)) else {
+            continue;
+        };
+        let choices = definition(name).and_then(|target| target.get("oneOf")?.as_array());
+        let word = |choice: &Value| {
+            let text = |key: &str| choice.get(key)?.as_str().map(|text| text.replace('\n', " "));
+            Some(format!("- `{key} = \"{}\"`: {}\n", text("const")?, text("description")?))
+        };
+        let words: String = choices.into_iter().flatten().filter_map(word).collect();
+        if !words.is_empty() && explained.insert(name.to_owned()) {
+            text.push('\n');
+            text.push_str(&words);
+        }
+    }
+    text
+}
+
+/// The keys of a table as Markdown.
+fn key_table(table: &Value) -> String {
+    let schema = look_schema();
     let required = table.get("required").and_then(Value::as_array);
     let mut text = String::from("| key | value | default | what |\n|---|---|---|---|\n");
-    for (key, property) in properties.iter().filter(|(_, property)| property.get("const").is_none()) {
+    for (key, property) in keys_of(table) {
         let is_required = required.is_some_and(|r| r.iter().any(|name| name == key));
         let default = match (is_required, property.get("default")) {
             (true, _) => "needed".to_owned(),
@@ -74,7 +116,7 @@ pub fn key_table(name: &str) -> Option<String> {
             what.replace('\n', " ").replace('|', "\\|")
         );
     }
-    Some(text)
+    text
 }
 
 fn is_table(value: &Value) -> bool {
@@ -100,7 +142,7 @@ fn toml_table(members: &Map<String, Value>) -> String {
 
 /// What a key's value may be.
 fn value_text(property: &Value, root: &Value) -> String {
-    let reference = property.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
+    let reference = property.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix(DEFINITIONS));
     if let Some(name) = reference {
         return referenced_text(name, root);
     }

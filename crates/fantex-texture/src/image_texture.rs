@@ -50,7 +50,7 @@ pub enum AlphaUse {
 pub enum Wrap {
     /// The edge texel.
     Clamp,
-    /// Transparent black, or the colour of [`ImageTexture::with_border`].
+    /// Transparent black, or the colour that the border is given.
     Border,
     /// The image again.
     #[default]

@@ -74,7 +74,7 @@ pub(crate) struct JobArgs {
     look: Option<PathBuf>,
     #[command(flatten)]
     cover: CoverArgs,
-    /// Give every triangle the density of the texture that it has
+    /// Give every triangle the density of the texture, or of the sharpest photograph, that it has
     #[arg(long = "match", conflicts_with_all = ["texels", "density"])]
     match_source: bool,
     #[command(flatten)]

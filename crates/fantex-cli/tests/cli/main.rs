@@ -5,6 +5,7 @@
 mod azure;
 mod bad_input;
 mod baked_models;
+mod documented;
 mod export_and_paint;
 mod flags;
 mod hostile;
@@ -63,10 +64,12 @@ fn succeeds(arguments: &[&dyn AsRef<OsStr>]) -> Output {
     output
 }
 
-/// Runs the program with `--json`, which must succeed, and parses what it prints.
+/// Runs the program with `--json`, which must succeed, and parses what it prints: what the page on the command line says.
 fn json(arguments: &[&dyn AsRef<OsStr>]) -> Value {
     let output = succeeds(&[&[&"--json" as &dyn AsRef<OsStr>][..], arguments].concat());
-    serde_json::from_slice(&output.stdout).expect("one JSON object on standard output")
+    let printed = serde_json::from_slice(&output.stdout).expect("one JSON object on standard output");
+    documented::check_keys(&shown(arguments)["fantex ".len()..], &printed);
+    printed
 }
 
 /// Runs the program, which must fail with an exit code and one sentence that holds some words; returns the sentence.

@@ -4,25 +4,26 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use crate::documented::check_keys;
 use crate::{bottle, fantex, stderr, succeeds, write};
 
 /// A command, where `IN` stands for a folder with what it reads, and `OUT` for one with what it writes.
-struct Case {
-    arguments: &'static str,
+struct Case<'a> {
+    arguments: &'a str,
     /// Whether its files belong together, or there is one only: then all stay as they were.
     is_whole: bool,
 }
 
-const fn whole(arguments: &'static str) -> Case {
+const fn whole(arguments: &str) -> Case<'_> {
     Case { arguments, is_whole: true }
 }
 
-const fn each(arguments: &'static str) -> Case {
+const fn each(arguments: &str) -> Case<'_> {
     Case { arguments, is_whole: false }
 }
 
 /// Every kind of file that a command writes.
-const CASES: [Case; 33] = [
+const CASES: [Case<'_>; 33] = [
     whole("bake IN/cube.ply -o OUT/a.fan --texels 4k"),
     whole("plan IN/cube.ply -o OUT/a.plan --texels 4k"),
     whole("bake IN/bottle.plan --shard 2/2 -o OUT/a.part"),
@@ -112,7 +113,7 @@ impl Bench {
         self.folder.path().join(name)
     }
 
-    fn run(&self, case: &Case, fault: &str) -> Output {
+    fn run(&self, case: &Case<'_>, fault: &str) -> Output {
         let words = case.arguments.split(' ').map(|word| match word.split_once('/') {
             _ if word == "OUT" => self.path("out"),
             Some(("IN", name)) => self.path("in").join(name),
@@ -128,12 +129,13 @@ impl Bench {
     }
 
     /// Runs a command on a disk that fails at each of some calls, until there are no more calls.
-    fn attack(&self, case: &Case, numbers: impl Iterator<Item = u64> + Clone) {
+    fn attack(&self, case: &Case<'_>, numbers: impl Iterator<Item = u64> + Clone) {
         let out = self.path("out");
         std::fs::remove_dir_all(&out).unwrap();
         std::fs::create_dir(&out).unwrap();
-        let output = self.run(case, "");
+        let output = self.run(&Case { arguments: &format!("{} --json", case.arguments), ..*case }, "");
         assert!(output.status.success(), "{}: {}", case.arguments, stderr(&output));
+        check_keys(case.arguments, &serde_json::from_slice(&output.stdout).unwrap());
         let names: Vec<PathBuf> = contents(&out).into_keys().collect();
         assert!(!names.is_empty(), "{}", case.arguments);
         // Other files of the same names, and nothing else.

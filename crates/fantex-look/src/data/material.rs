@@ -99,7 +99,7 @@ parameters! {
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub range: f32 = 1.0,
         /// Texture coordinates whose u and v the derivatives belong to.
-        #[schemars(range(max = 31))]
+        #[schemars(range(max = 7))]
         pub set: u32 = 0,
     }
 
@@ -113,7 +113,7 @@ parameters! {
         /// The frame in which the map is written.
         pub space: NormalSpaceName = NormalSpaceName::Tangent,
         /// Texture coordinates that the tangents belong to.
-        #[schemars(range(max = 31))]
+        #[schemars(range(max = 7))]
         pub set: u32 = 0,
     }
 
@@ -152,7 +152,7 @@ parameters! {
         /// Direction in the tangent plane: red and green, -1 to 1 encoded as 0 to 1.
         pub direction: Input = Input::Color(Color::opaque(1.0, 0.5, 0.5)),
         /// Texture coordinates that give tangent and bitangent.
-        #[schemars(range(max = 31))]
+        #[schemars(range(max = 7))]
         pub set: u32 = 0,
     }
 }
@@ -171,7 +171,7 @@ pub enum MaterialBase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum OpacityName {
-    /// Nothing.
+    /// Nothing: all of the surface is there.
     Opaque,
     /// Cut-outs: below the threshold nothing is there.
     Mask,

@@ -43,7 +43,7 @@ parameters! {
         pub exposure: f64 = 0.0,
         /// How bright light is brought into the picture's range.
         pub tone_mapping: ToneMap = ToneMap::Clip,
-        /// Colour behind the scene, with alpha 0 for a transparent picture; from white above to grey below where it is left out.
+        /// Colour behind the scene, with alpha 0 for a transparent picture; a light grey that darkens downwards where it is left out.
         pub background: Option<Color> = None,
         /// Seconds since the start of the animation.
         pub time: f64 = 0.0,

@@ -226,7 +226,7 @@ parameters! {
     /// A tabulation.
     #[schemars(extend("required" = ["texture"]))]
     pub struct TabulationTable {
-        /// The texture; it is asked for its value in space, so it must not need texture coordinates, a normal or an eye.
+        /// The texture; it is asked for its value in space, so it must not need texture coordinates, a normal or an eye (`facing` is 1 there).
         pub texture: Input = Input::Number(0.0),
         /// Values along the longest side of the box.
         #[schemars(range(min = 2, max = 2048))]
@@ -310,7 +310,7 @@ parameters! {
     /// Texture coordinates.
     pub struct UvFieldTable {
         /// Which set, from 0.
-        #[schemars(range(max = 31))]
+        #[schemars(range(max = 7))]
         pub set: u32 = 0,
     }
 

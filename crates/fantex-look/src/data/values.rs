@@ -229,7 +229,7 @@ parameters! {
     /// Texture coordinates of the model.
     pub struct UvTable {
         /// Which set, from 0.
-        #[schemars(range(max = 31))]
+        #[schemars(range(max = 7))]
         pub set: u32 = 0,
     }
 

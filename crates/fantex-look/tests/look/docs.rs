@@ -24,7 +24,23 @@ fn the_schema_is_current() {
 #[test]
 fn the_tables_of_the_page_are_current() {
     let page = page();
-    assert!(fill_reference(&page) == page, "docs/look.md is out of date: run cargo xtask schema");
+    assert!(fill_reference(&page).unwrap() == page, "docs/look.md is out of date: run cargo xtask schema");
+}
+
+#[test]
+fn marks_that_name_nothing_are_refused() {
+    let refused = |page: &str, words: &str| assert!(fill_reference(page).unwrap_err().contains(words));
+    refused("<!-- keys: Nothing -->\n<!-- end -->", "no table 'Nothing'");
+    refused("<!-- keys: TextureTable nothing -->\n<!-- end -->", "no table 'TextureTable nothing'");
+    refused("<!-- keys: Place -->\n", "'Place' has no end");
+}
+
+#[test]
+fn words_are_explained_where_they_are_met_first() {
+    let page =
+        fill_reference("<!-- keys: Place -->\n<!-- end -->\n<!-- keys: Place -->\n<!-- end -->").unwrap();
+    assert_eq!(page.matches("- `unit = \"world\"`: The world's unit.\n").count(), 1, "{page}");
+    assert_eq!(page.matches("| `unit` |").count(), 2, "{page}");
 }
 
 #[test]

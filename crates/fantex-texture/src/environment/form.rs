@@ -23,7 +23,7 @@ use crate::Image;
 pub enum EnvironmentForm {
     /// One chart: longitude to the right, polar angle downwards. The middle shows `-z`, its right `+x`, row 0 `+y`.
     Sphere,
-    /// Six charts in the order of [`CubeFace::ALL`].
+    /// Six charts in the order of KTX: `+x -x +y -y +z -z`.
     Cube,
     /// Two charts with an inscribed disc each: the hemisphere around `-z`, seen from inside (`+x` on the right), then the
     /// hemisphere around `+z` (`-x` on the right).
@@ -314,9 +314,9 @@ pub enum EnvironmentLayout {
     HorizontalCross,
     /// Six faces, 3:4: as the horizontal cross, but `-z` stands on its head below `-y`.
     VerticalCross,
-    /// Six faces side by side, 6:1, in the order of [`CubeFace::ALL`].
+    /// Six faces side by side, 6:1, in the order of KTX: `+x -x +y -y +z -z`.
     HorizontalStrip,
-    /// Six faces one below the other, 1:6, in the order of [`CubeFace::ALL`].
+    /// Six faces one below the other, 1:6, in the order of KTX: `+x -x +y -y +z -z`.
     VerticalStrip,
     /// Two discs side by side, 2:1: around `-z`, around `+z`. Never recognised by its sides: a panorama has the same.
     #[serde(rename = "paraboloids")]

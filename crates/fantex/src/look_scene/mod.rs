@@ -16,6 +16,7 @@ use fantex_base::Result;
 use fantex_look::data::{MaterialBase, ObjectTable};
 use fantex_look::{Key, LookFile, LookImages, ResolveOptions, Resolver, materials_of_model, problem};
 use fantex_mesh::Mesh;
+use fantex_store::limits::MAX_UV_SETS;
 use fantex_texture::look::LookMaterial;
 use fantex_texture::{Dependence, Texture};
 
@@ -135,14 +136,11 @@ impl MaterialResolver<'_> {
     }
 }
 
-/// Sets of texture coordinates that a look may name: the range of the keys `set` of its tables.
-const UV_SETS: usize = 32;
-
 /// A sentence where textures on a model lie by texture coordinates that it does not have: they are one texel everywhere then.
 fn note_of_lacking_coordinates(mesh: &Mesh, textures: &[&Arc<dyn Texture>]) -> Option<String> {
     let is_asked = |set: &usize| textures.iter().any(|texture| texture.depends_on(Dependence::Uv(*set)));
     let is_there = |set: &usize| mesh.corners.uv_sets.get(*set).is_some_and(|uv| !uv.is_empty());
-    let set = (0..UV_SETS).filter(|set| !is_there(set)).find(is_asked)?;
+    let set = (0..MAX_UV_SETS).filter(|set| !is_there(set)).find(is_asked)?;
     let which = if set == 0 { String::new() } else { format!(" of set {set}") };
     Some(format!(
         "the model has no texture coordinates{which}, and where the look asks for them it is one texel everywhere; images need none \
