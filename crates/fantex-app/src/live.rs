@@ -81,8 +81,8 @@ impl Shared {
 }
 
 enum Report {
-    /// The look is sound: its camera and what it shows.
-    Opened(Arc<str>, Camera, SceneScale),
+    /// The look is sound: its camera, what it shows, and what is to be known of that.
+    Opened(Arc<str>, Camera, SceneScale, Vec<String>),
     Failed(Arc<str>, String),
     /// sRGB, opaque or not; and whether it is the last one.
     Picture(Wanted, Image, bool),
@@ -104,6 +104,8 @@ pub struct LiveLook {
     pub originals: Vec<f64>,
     /// What is wrong with the text, with its line and key.
     pub error: Option<String>,
+    /// What is to be known of the text that was sound last, a sentence each.
+    pub notes: Vec<String>,
     /// The file has become another one while something was changed here, which is still to be told.
     pub is_overtaken: bool,
     /// The look's own camera.
@@ -155,6 +157,7 @@ impl LiveLook {
             numbers: Vec::new(),
             originals: Vec::new(),
             error: None,
+            notes: Vec::new(),
             is_overtaken: false,
             camera: None,
             scale: SceneScale::default(),
@@ -192,7 +195,7 @@ impl LiveLook {
         let mut first = None;
         for report in self.reports.try_iter().collect::<Vec<_>>() {
             match report {
-                Report::Opened(text, camera, scale) => {
+                Report::Opened(text, camera, scale, notes) => {
                     if text == self.text {
                         self.error = None;
                     }
@@ -200,7 +203,7 @@ impl LiveLook {
                     if self.camera != Some(camera) {
                         first = Some(camera);
                     }
-                    (self.camera, self.scale) = (Some(camera), scale);
+                    (self.camera, self.scale, self.notes) = (Some(camera), scale, notes);
                 }
                 Report::Failed(text, reason) if text == self.text => self.error = Some(reason),
                 Report::Failed(..) => {}
@@ -364,7 +367,7 @@ impl Painter {
         let scene = LookScene::new(resolver, given.as_ref(), PictureChanges::default())?;
         let time = scene.times()[0];
         let (camera, bounds) = scene.view(first.size)?;
-        report(Report::Opened(first.text.clone(), camera, SceneScale::of(&bounds)));
+        report(Report::Opened(first.text.clone(), camera, SceneScale::of(&bounds), scene.notes()));
         let mut wanted = first.clone();
         loop {
             let mut is_whole = false;

@@ -3,14 +3,16 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, ObjectSpace, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
     Anisotropy, GradientAxes, LightingModel, LookMaterial, LookTangents, MIN_RELIEF_STEP, NormalSpace,
     Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
-use fantex_texture::material::{MaterialTextures, TangentFrame, load_material_textures, vertex_color};
+use fantex_texture::material::{
+    LeftOut, MaterialTextures, TangentFrame, load_material_textures, vertex_color,
+};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -21,7 +23,7 @@ use crate::{Prefilter, Source, SourceChannel, TexelPoint, for_each_run};
 /// and metallic, emission, the direction of stretched highlights. Of a look, a property that is the same everywhere is no channel
 /// but a factor of [`baked_materials`].
 #[derive(Debug)]
-pub struct LookSource<'a>(Materials<'a>);
+pub struct LookSource<'a>(Materials<'a>, LeftOut);
 
 /// Materials by how they are evaluated. Layers that are plain look-ups in images share the weights of texels.
 #[derive(Debug)]
@@ -37,7 +39,7 @@ impl<'a> LookSource<'a> {
     /// # Errors
     /// A texture depends on the eye.
     pub fn new(mesh: &'a Mesh, materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
-        Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?)))
+        Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?), LeftOut::default()))
     }
 
     /// With a channel of heights: the red of `heights[i]` on material `i`, 0 where there is none.
@@ -67,31 +69,24 @@ impl<'a> LookSource<'a> {
     }
 
     /// The model's own materials through its own texture coordinates: base colour always, other channels where a texture varies
-    /// them or materials differ in them.
+    /// them or materials differ in them. Images that are missing or broken are [left out](Self::left_out).
     ///
     /// # Errors
-    /// An image that is used cannot be read.
+    /// An image takes more memory than there is, or a disk fails.
     pub fn of_model(mesh: &'a Mesh) -> Result<Self> {
-        Ok(Self::of_decoded(mesh, Self::decoded(mesh)?))
+        let (materials, left_out) = load_material_textures(mesh)?;
+        let Self(source, _) = Self::of_decoded(mesh, materials);
+        Ok(Self(source, left_out))
     }
 
-    /// The images of a model's materials, an entry per material.
-    ///
-    /// # Errors
-    /// An image that is used cannot be read.
-    pub fn decoded(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
-        load_material_textures(mesh).map_err(|error| match (error.kind(), error.path()) {
-            (kind @ ErrorKind::NotFound, Some(path)) => {
-                let sentence = format!("{error}, or bake another source (--source)");
-                Error::new(kind, sentence).with_path(path).with_source(error.clone())
-            }
-            _ => error,
-        })
+    /// Images of the model that could not be read.
+    pub fn left_out(&self) -> &LeftOut {
+        &self.1
     }
 
     /// As [`of_model`](Self::of_model), with the images of its materials, an entry per material.
     pub fn of_decoded(mesh: &'a Mesh, materials: Vec<MaterialTextures>) -> Self {
-        Self(Materials::Images(ImageSource::new(mesh, materials)))
+        Self(Materials::Images(ImageSource::new(mesh, materials)), LeftOut::default())
     }
 
     /// The tangents that normal maps of models are relative to, one per corner; empty without normal maps, and in looks.

@@ -19,6 +19,7 @@ use fantex::base::random::folded_seed;
 use fantex::look::ResolveOptions;
 use fantex::signals::on_end_request;
 use fantex::stream::{ObjectTarget, Replace};
+use fantex::texture::material::LeftOut;
 use fantex::{Error, ErrorKind, Result};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
@@ -36,7 +37,7 @@ pub(crate) struct Context {
     pub(crate) threads_asked: Option<u32>,
     pub(crate) seed: u64,
     pub(crate) allow_outside: bool,
-    /// Coarser texels do not stand in for damaged ones: that is an error.
+    /// Coarser texels do not stand in for damaged ones, and models are not shown without images: that is an error.
     pub(crate) strict: bool,
     json: bool,
     quiet: bool,
@@ -88,6 +89,15 @@ impl Context {
             return Err(Error::damaged(sentence));
         }
         say(sentence);
+        Ok(())
+    }
+
+    /// Notes images of a model that could not be read; with --strict that is an error.
+    pub(crate) fn report_left_out(&self, path: &Path, left_out: &LeftOut) -> Result<()> {
+        if self.strict {
+            left_out.check()?;
+        }
+        left_out.notes().iter().for_each(|note| self.note(format!("{}: {note}", path.display())));
         Ok(())
     }
 

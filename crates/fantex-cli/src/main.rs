@@ -136,7 +136,7 @@ pub(crate) struct CommonArgs {
     /// Let models, looks in assets and stroke files name files outside their folders
     #[arg(long, global = true)]
     pub(crate) allow_outside: bool,
-    /// Fail where coarser texels stand in for damaged ones
+    /// Fail where coarser texels stand in for damaged ones, or a model is shown without images that cannot be read
     #[arg(long, global = true)]
     pub(crate) strict: bool,
     /// Overwrite existing files, except assets that another program is editing

@@ -48,6 +48,10 @@ impl Scene {
         Ok(Self { path: path.into(), content })
     }
 
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
     pub(crate) fn mesh(&self) -> &Mesh {
         match &self.content {
             Content::Model(model) => model,
@@ -62,10 +66,15 @@ impl Scene {
         }
     }
 
-    pub(crate) fn surface(&self, filter: Filter) -> Result<Box<dyn Surface + '_>> {
+    /// What it looks like. Images of a model that cannot be read are noted.
+    pub(crate) fn surface(&self, filter: Filter, context: &Context) -> Result<Box<dyn Surface + '_>> {
         let filter = FilterOptions { filter, ..FilterOptions::default() };
         Ok(match &self.content {
-            Content::Model(model) => Box::new(LookSurface::of_model(model, filter)?),
+            Content::Model(model) => {
+                let surface = LookSurface::of_model(model, filter)?;
+                context.report_left_out(&self.path, &surface.left_out())?;
+                Box::new(surface)
+            }
             Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
         })
     }

@@ -1,6 +1,6 @@
 //! A model's own materials as tables of a look.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
 
 use fantex_base::Result;
@@ -8,7 +8,7 @@ use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef};
 use fantex_texture::combine::{Channel, Combine, CombineMode, Factor, TextureUse};
 use fantex_texture::coordinates::{Projective, TextureMatrixOptions};
 use fantex_texture::look::{LightingModel, LookMaterial};
-use fantex_texture::material::{self, read_used_images};
+use fantex_texture::material::{self, LeftOut, read_used_images};
 use fantex_texture::{Color, ColorSpace, Stop, Wrap};
 use glam::{Vec3, Vec4};
 
@@ -28,25 +28,31 @@ pub struct TranslatedLook {
     pub materials: Vec<String>,
 }
 
-/// A model's own materials, resolved: one for each of the mesh's materials. Images are decoded in parallel, each once per way of use.
+/// A model's own materials, resolved: one for each of the mesh's materials, and which images are [left out](LeftOut). Images are decoded in
+/// parallel, each once per way of use.
 ///
 /// # Errors
-/// An image of the model cannot be read; where several cannot, the one with the lowest index.
+/// As [`read_used_images`].
 pub fn materials_of_model(
     mesh: &Mesh,
     path: &Path,
     images: &LookImages,
     options: ResolveOptions,
-) -> Result<Vec<LookMaterial>> {
-    let TranslatedLook { look, materials } = look_of_model(mesh);
+) -> Result<(Vec<LookMaterial>, LeftOut)> {
+    let (model_images, lacking, left_out) = load_images(mesh, images)?;
+    let TranslatedLook { look, materials } = translated(mesh, lacking);
     let file = LookFile::of_look(look, path);
-    let model_images = load_images(mesh, images)?;
     let mut resolver = Resolver::new(&file, mesh, images, options).with_model_images(model_images);
     let base = LookMaterial::default();
-    materials.iter().map(|name| resolver.material(name, &base)).collect()
+    let materials = materials.iter().map(|name| resolver.material(name, &base));
+    Ok((materials.collect::<Result<_>>()?, left_out))
 }
 
-fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
+/// The images that are read, and the uses of those that are left out.
+fn load_images(
+    mesh: &Mesh,
+    images: &LookImages,
+) -> Result<(ModelImages, HashSet<material::ImageUse>, LeftOut)> {
     let normals: BTreeSet<usize> =
         mesh.materials.iter().filter_map(|m| Some(m.normal_texture.as_ref()?.image)).collect();
     let kept = |used: material::ImageUse| {
@@ -54,8 +60,16 @@ fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
         ImageUse { space: used.space, alpha: used.alpha, is_normals }
     };
     let read = |source: &ImageSource, used| images.of_model(source, kept(used));
-    let loaded = read_used_images(mesh, |texture| has_set(mesh, texture), read)?;
-    Ok(loaded.into_iter().map(|(used, texture)| ((used.image, kept(used)), texture)).collect())
+    let (loaded, left_out) = read_used_images(mesh, |texture| has_set(mesh, texture), read)?;
+    let (mut model_images, mut lacking) = (ModelImages::new(), HashSet::new());
+    for (used, texture) in loaded {
+        if let Some(texture) = texture {
+            model_images.insert((used.image, kept(used)), texture);
+        } else {
+            lacking.insert(used);
+        }
+    }
+    Ok((model_images, lacking, left_out))
 }
 
 fn has_set(mesh: &Mesh, texture: &TextureRef) -> bool {
@@ -63,15 +77,15 @@ fn has_set(mesh: &Mesh, texture: &TextureRef) -> bool {
     set.is_some_and(|set| set.len() == 3 * mesh.triangles.len())
 }
 
-/// A texture that the mesh has the image and the coordinates for.
-fn usable<'t>(mesh: &Mesh, texture: &'t Option<TextureRef>) -> Option<&'t TextureRef> {
-    texture.as_ref().filter(|t| has_set(mesh, t) && t.image < mesh.images.len())
-}
-
 /// The look that a model's materials are: textures named after the images, materials named after the model's, and an object
 /// that gives each of the model's materials its look. Textures whose texture coordinates the mesh lacks are left out.
 pub fn look_of_model(mesh: &Mesh) -> TranslatedLook {
-    let mut translation = Translation { mesh, look: Look::default(), names: BTreeMap::new() };
+    translated(mesh, HashSet::new())
+}
+
+/// The same without the images that are `lacking`.
+fn translated(mesh: &Mesh, lacking: HashSet<material::ImageUse>) -> TranslatedLook {
+    let mut translation = Translation { mesh, lacking, look: Look::default(), names: BTreeMap::new() };
     let mut object = ObjectTable::default();
     let mut materials = Vec::new();
     for (index, material) in mesh.materials.iter().enumerate() {
@@ -93,19 +107,35 @@ pub fn look_of_model(mesh: &Mesh) -> TranslatedLook {
 
 struct Translation<'a> {
     mesh: &'a Mesh,
+    lacking: HashSet<material::ImageUse>,
     look: Look,
     /// Names of textures that have been made, by what they are.
     names: BTreeMap<String, String>,
 }
 
 impl Translation<'_> {
+    /// A texture that the mesh has the image and the coordinates for.
+    fn usable<'t>(
+        &self,
+        material: &Material,
+        texture: &'t Option<TextureRef>,
+        space: ColorSpace,
+    ) -> Option<&'t TextureRef> {
+        let is_there = |t: &&TextureRef| has_set(self.mesh, t) && t.image < self.mesh.images.len();
+        texture.as_ref().filter(is_there).filter(|t| !self.is_lacking(material, t, space))
+    }
+
+    fn is_lacking(&self, material: &Material, texture: &TextureRef, space: ColorSpace) -> bool {
+        self.lacking.contains(&material::ImageUse::of(material, texture, space))
+    }
+
     fn material(&mut self, material: &Material) -> MaterialTable {
         let opacity = match material.alpha {
             AlphaMode::Opaque => None,
             AlphaMode::Mask(_) => Some(OpacityName::Mask),
             AlphaMode::Blend => Some(OpacityName::Blend),
         };
-        let surface = usable(self.mesh, &material.metallic_roughness_texture);
+        let surface = self.usable(material, &material.metallic_roughness_texture, ColorSpace::Linear);
         let mut table = MaterialTable {
             lighting: material.unlit.then_some(LightingModel::Unlit),
             base_color: Some(self.base_color(material)),
@@ -118,7 +148,7 @@ impl Translation<'_> {
         if let AlphaMode::Mask(threshold) = material.alpha {
             table.threshold = Some(threshold);
         }
-        if let Some(texture) = usable(self.mesh, &material.occlusion_texture) {
+        if let Some(texture) = self.usable(material, &material.occlusion_texture, ColorSpace::Linear) {
             let strength = material.occlusion_strength;
             table.occlusion =
                 Some(self.number(material, Some(texture), Channel::Red, strength, 1.0 - strength));
@@ -126,7 +156,7 @@ impl Translation<'_> {
         if material.emission != Vec3::ZERO {
             table.emission = Some(self.emission(material));
         }
-        if let Some(texture) = usable(self.mesh, &material.normal_texture) {
+        if let Some(texture) = self.usable(material, &material.normal_texture, ColorSpace::Linear) {
             table.normal_map = Some(NormalMapTable {
                 texture: Input::Texture(self.texture(material, texture, ColorSpace::Linear)),
                 scale: material.normal_scale,
@@ -144,7 +174,7 @@ impl Translation<'_> {
     /// `factor * vertex colour * texel`, multiplied in this order.
     fn base_color(&mut self, material: &Material) -> Input {
         let factor = factor_of(material.base_color);
-        let texture = usable(self.mesh, &material.base_color_texture);
+        let texture = self.usable(material, &material.base_color_texture, ColorSpace::Srgb);
         let has_vertex_colors = !self.mesh.corners.colors.is_empty();
         match (texture, has_vertex_colors) {
             (None, false) => Input::Color(Color(material.base_color)),
@@ -174,7 +204,12 @@ impl Translation<'_> {
     }
 
     fn emission(&mut self, material: &Material) -> Input {
-        match usable(self.mesh, &material.emission_texture) {
+        let is_lacking = |texture| self.is_lacking(material, texture, ColorSpace::Srgb);
+        match self.usable(material, &material.emission_texture, ColorSpace::Srgb) {
+            // Light that is to come from some places only comes from none.
+            None if material.emission_texture.as_ref().is_some_and(is_lacking) => {
+                Input::Color(Vec3::ZERO.into())
+            }
             None => Input::Color(material.emission.into()),
             Some(texture) => {
                 let texture_use = self.texture(material, texture, ColorSpace::Srgb);

@@ -12,6 +12,8 @@ use fantex::mesh::{
     WrapMode, WriteGeometry, write_model,
 };
 use fantex::render::LookSurface;
+use fantex::texture::ColorSpace;
+use fantex::texture::material::read_image;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -85,7 +87,12 @@ impl Mesh {
             model.images = vec![ImageSource::Embedded { label, bytes: bytes.into() }];
             model.materials = vec![Material { base_color_texture: Some(texture), ..Material::default() }];
         }
-        watched(py, None, |_| fantex::Mesh::from_model(model, "the mesh")).map(|mesh| Self(Arc::new(mesh)))
+        let mesh = watched(py, None, |_| {
+            // Given by hand, it is not left out.
+            model.images.iter().try_for_each(|image| read_image(image, ColorSpace::Srgb).map(drop))?;
+            fantex::Mesh::from_model(model, "the mesh")
+        })?;
+        Ok(Self(Arc::new(mesh)))
     }
 
     /// The mesh of an open asset.
@@ -124,11 +131,11 @@ impl Mesh {
     fn render<'py>(&self, py: Python<'py>, options: &Bound<'py, PyDict>) -> PyResult<Rendered<'py>> {
         let view = View::new(options)?;
         let mesh = self.geometry();
-        let picture = watched(py, None, |_| {
+        let (picture, notes) = watched(py, None, |_| {
             let surface = LookSurface::of_model(mesh, view.filter())?;
-            view.take(mesh, &surface, &view.camera(mesh))
+            Ok((view.take(mesh, &surface, &view.camera(mesh))?, surface.left_out().notes()))
         })?;
-        rendered(py, &picture, Vec::new())
+        rendered(py, &picture, notes)
     }
 
     /// Counts of what it is made of, and its shape.

@@ -223,15 +223,20 @@ impl Subject {
         }
     }
 
-    fn surface(&self, filter: FilterOptions) -> fantex::Result<Box<dyn Surface + '_>> {
+    /// What it looks like, and what is to be known of that.
+    fn surface(&self, filter: FilterOptions) -> fantex::Result<(Box<dyn Surface + '_>, Vec<String>)> {
         Ok(match self {
-            Self::Mesh(mesh) => Box::new(LookSurface::of_model(mesh.get().geometry(), filter)?),
-            Self::Asset(asset) => Box::new(FanSurface::of_asset(asset.get().cache(), filter)),
+            Self::Mesh(mesh) => {
+                let surface = LookSurface::of_model(mesh.get().geometry(), filter)?;
+                let notes = surface.left_out().notes();
+                (Box::new(surface), notes)
+            }
+            Self::Asset(asset) => (Box::new(FanSurface::of_asset(asset.get().cache(), filter)), Vec::new()),
         })
     }
 }
 
-/// Compares pictures of two subjects from cameras around the first.
+/// Compares pictures of two subjects from cameras around the first; with `notes`, a sentence each.
 #[pyfunction]
 pub(crate) fn compare<'py>(
     py: Python<'py>,
@@ -242,9 +247,11 @@ pub(crate) fn compare<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let view = View::new(options)?;
-    let found = watched(py, progress.as_ref(), |watch| {
+    let (found, notes) = watched(py, progress.as_ref(), |watch| {
         let options = RenderOptions { background: Background::Transparent, ..view.options() };
-        let (surface_a, surface_b) = (a.surface(view.filter())?, b.surface(view.filter())?);
+        let (surface_a, mut notes) = a.surface(view.filter())?;
+        let (surface_b, notes_of_b) = b.surface(view.filter())?;
+        notes.extend(notes_of_b);
         let cameras = Camera::orbit(a.mesh(), views as usize, view.aspect());
         let mut found = Vec::with_capacity(cameras.len());
         for (number, camera) in (1..).zip(&cameras) {
@@ -264,7 +271,7 @@ pub(crate) fn compare<'py>(
             let sentence = "no picture shows either model, so there is nothing to compare; give more views=";
             return Err(Error::not_found(sentence));
         }
-        Ok(found)
+        Ok((found, notes))
     })?;
     let shown: Vec<&ViewComparison> = found.iter().filter(|view| view.shows_model()).collect();
     let numbers = |of: fn(&ViewComparison) -> f64| shown.iter().map(move |view| of(view));
@@ -277,6 +284,7 @@ pub(crate) fn compare<'py>(
     figures.set_item("flip", mean(|view| view.model.flip))?;
     figures.set_item("model_share", mean(|view| view.model_share))?;
     figures.set_item("whole_psnr_db", ViewComparison::mean_db(numbers(|view| view.whole_psnr_db)))?;
+    figures.set_item("notes", notes)?;
     figures.set_item("views", views)?;
     figures.set_item("empty_views", found.len() - shown.len())?;
     let mut per_view = Vec::with_capacity(found.len());

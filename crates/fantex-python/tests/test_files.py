@@ -304,3 +304,20 @@ def test_limits_for_files_of_others(tmp_path):
             fantex.Mesh.load(ROOT / "assets" / "WaterBottle" / "WaterBottle.gltf")
     finally:
         fantex.set_read_limits()
+
+
+def test_images_that_are_missing_are_left_out_with_a_warning(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl oak\nmap_Kd bark.png\n")
+    model = tmp_path / "a.obj"
+    model.write_text("mtllib a.mtl\nusemtl oak\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
+    left_out = r'a texture was left out: the base colour of material "oak" \(line 2 of a.mtl\): cannot read .*bark.png'
+    mesh = fantex.Mesh.load(model)
+    with pytest.warns(UserWarning, match=left_out):
+        mesh.render(size=(32, 32), samples=1)
+    with pytest.warns(UserWarning, match=left_out):
+        assert "notes" not in fantex.compare(mesh, mesh, views=1, size=(32, 32), samples=1)
+    asset = fantex.bake(mesh, tmp_path / "a.fan", texels=1000)
+    assert any("bark.png" in note for note in asset.baked["notes"])
+    # What is given by hand has to be there.
+    with pytest.raises(fantex.Error, match="the image of the mesh"):
+        fantex.Mesh(mesh.positions, mesh.faces, uv=[[0, 0], [1, 0], [0, 1]], image=b"\x89PNG\r\n\x1a\nnonsense")

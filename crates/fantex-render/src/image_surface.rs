@@ -4,8 +4,9 @@
 use fantex_base::Result;
 use fantex_mesh::{Material, Mesh, OpposedTriangles, SurfacePoint};
 use fantex_texture::material::{
-    ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
-    normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
+    ImageSlots, LeftOut, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
+    load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
+    vertex_color,
 };
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
@@ -22,19 +23,26 @@ pub(crate) struct ImageSurface<'a> {
     textures: Vec<MaterialTextures>,
     filter: FilterOptions,
     opposed: OpposedTriangles,
+    left_out: LeftOut,
 }
 
 impl<'a> ImageSurface<'a> {
     /// Decodes the images that the materials use and prepares normals and tangents.
     ///
     /// # Errors
-    /// An image that is used cannot be read.
+    /// An image takes more memory than there is, or a disk fails.
     pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
-        let mut textures = load_material_textures(mesh)?;
+        let (mut textures, left_out) = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = normal_map_tangents(mesh, normals.all(), &textures);
-        Ok(Self { mesh, normals, tangents, textures, filter, opposed: OpposedTriangles::of(&mesh.triangles) })
+        let opposed = OpposedTriangles::of(&mesh.triangles);
+        Ok(Self { mesh, normals, tangents, textures, filter, opposed, left_out })
+    }
+
+    /// Images of the model that could not be read.
+    pub(crate) fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     fn material(&self, triangle: usize) -> Option<(&Material, &MaterialTextures)> {

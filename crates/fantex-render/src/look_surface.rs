@@ -17,7 +17,9 @@ use fantex_texture::look::{
     Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, LookTangents, MIN_RELIEF_STEP,
     NormalSpace, Opacity, Relief, Slot, TangentSpace, height_change, normal_by_map,
 };
-use fantex_texture::material::{ROUNDED_LENGTH, TangentFrame, roughness_with_variance, vertex_color};
+use fantex_texture::material::{
+    LeftOut, ROUNDED_LENGTH, TangentFrame, roughness_with_variance, vertex_color,
+};
 use fantex_texture::{Eye, Filtering, ShadingPoint, Stretch, Texture, UvPoint};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
@@ -46,12 +48,20 @@ impl<'a> LookSurface<'a> {
     }
 
     /// The model's own materials, the glTF way, their images filtered like this. Textures whose texture coordinates the mesh
-    /// lacks are left out.
+    /// lacks are left out, as are images that are missing or broken.
     ///
     /// # Errors
-    /// An image that is used cannot be read.
+    /// An image takes more memory than there is, or a disk fails.
     pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         Ok(Self(Materials::Images(ImageSurface::load(mesh, filter)?)))
+    }
+
+    /// Images of the model that could not be read; none of looks.
+    pub fn left_out(&self) -> LeftOut {
+        match &self.0 {
+            Materials::Textures(_) => LeftOut::default(),
+            Materials::Images(surface) => surface.left_out().clone(),
+        }
     }
 
     /// The surface at another time of an animation, seconds.

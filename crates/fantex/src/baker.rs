@@ -23,7 +23,7 @@ use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted, grouped};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_store::{ChannelKind, Plan, Quality, Recipe};
-use fantex_texture::material::MaterialTextures;
+use fantex_texture::material::{LeftOut, MaterialTextures, load_material_textures};
 use glam::Vec4;
 
 #[cfg(feature = "export")]
@@ -175,7 +175,8 @@ impl<'a> Baker<'a> {
         Self { options: BakeOptions { force, ..self.options }, ..self }
     }
 
-    /// Fails, and writes nothing, where an asset that is baked from has damaged texels, for which coarser ones stand in otherwise.
+    /// Fails, and writes nothing, where an asset that is baked from has damaged texels, for which coarser ones stand in otherwise, or a model
+    /// images that are missing or broken, which are left out otherwise.
     pub fn strict(self, strict: bool) -> Self {
         Self { options: BakeOptions { strict, ..self.options }, ..self }
     }
@@ -207,7 +208,7 @@ impl<'a> Baker<'a> {
     /// What the model's own materials are like, before anything is covered or baked.
     ///
     /// # Errors
-    /// An image that is used cannot be read.
+    /// An image takes more memory than there is, or a disk fails.
     pub fn own_look(&self) -> Result<OwnLook> {
         let source = LookSource::of_model(self.mesh)?;
         let own = OwnTexels::of(self.mesh, &source);
@@ -224,10 +225,10 @@ impl<'a> Baker<'a> {
     /// The model has no such materials or colours; what the source names cannot be read.
     pub fn cover(self) -> Result<Covered> {
         let found = RefCell::default();
-        let Baked { texels_asked, cover: stats, .. } = self.reach(&Goal::Cover(&found))?;
+        let Baked { texels_asked, cover: stats, left_out, .. } = self.reach(&Goal::Cover(&found))?;
         let nothing = || Error::unsupported("such a source covers no model");
         let (mesh, cover) = found.into_inner().ok_or_else(nothing)?;
-        Ok(Covered { mesh, cover, stats, texels_asked })
+        Ok(Covered { mesh, cover, stats, texels_asked, left_out })
     }
 
     /// Makes a model with ordinary texture coordinates instead of an asset: `.glb`, or `.gltf` with files beside it. Its pictures are the smallest in
@@ -304,10 +305,12 @@ impl<'a> Baker<'a> {
                     false => self.cuts(goal),
                 };
                 let mesh = self.refined(&mesh, cuts, None)?;
+                self.leave_out(look.left_out(), goal)?;
                 let notes = if goal.is_part() { Vec::new() } else { look.notes(&mesh) };
                 notes.iter().for_each(|note| self.progress.0.note(note));
                 let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
-                Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), ..baked })
+                let left_out = look.left_out().clone();
+                Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), left_out, ..baked })
             }
             Kind::Mesh { path: detailed, cage } if FileKind::of(detailed)? == FileKind::Asset => {
                 self.transfer_asset(&Asset::open(detailed)?, *cage, goal)
@@ -340,13 +343,15 @@ impl<'a> Baker<'a> {
     /// Bakes the model's materials.
     fn own_materials(&self, goal: &Goal<'_>) -> Result<Baked> {
         let model: &fantex_mesh::Mesh = self.mesh;
-        let textures = LookSource::decoded(model)?;
+        let (textures, left_out) = load_material_textures(model)?;
         let source = LookSource::of_decoded(model, textures.clone());
         let own = OwnTexels::of(model, &source);
         let is_default = self.budget == Budget::Default;
         let share = own.as_ref().filter(|_| is_default).map_or(1.0, OwnTexels::given_share);
-        let mut notes = Vec::new();
         // Before the mesh is cut and covered, which takes its time.
+        self.leave_out(&left_out, goal)?;
+        let mut notes = if goal.is_part() { Vec::new() } else { left_out.notes() };
+        notes.iter().for_each(|note| self.progress.0.note(note));
         if let (Some(own), false) = (&own, goal.is_part()) {
             notes.extend(self.note_of_squares(&source, own, share));
             if is_default {
@@ -356,7 +361,21 @@ impl<'a> Baker<'a> {
         }
         let mut baked = self.textured(model, source, share, textures, goal)?;
         baked.notes.splice(0..0, notes);
-        Ok(baked)
+        Ok(Baked { left_out, ..baked })
+    }
+
+    /// Takes a model without some of its images. All who bake a plan have to have the same ones.
+    ///
+    /// # Errors
+    /// There are such images, and the baker is strict.
+    fn leave_out(&self, left_out: &LeftOut, goal: &Goal<'_>) -> Result<()> {
+        if self.options.strict {
+            left_out.check()?;
+        }
+        if let (Some(recipe), count @ 1..) = (goal.recipe(), left_out.count()) {
+            recipe.borrow_mut().add_setting("the number of left-out images", count);
+        }
+        Ok(())
     }
 
     /// Says that a model gets fewer texels than its images have wherever they are shown, if it does.
@@ -512,6 +531,7 @@ impl<'a> Baker<'a> {
             cover_time,
             summary,
             notes,
+            left_out: LeftOut::default(),
             #[cfg(feature = "photos")]
             photos: None,
             #[cfg(feature = "export")]
@@ -567,8 +587,10 @@ impl<'a> Baker<'a> {
     fn transfer_model(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
         goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_mesh("the other model", detailed));
         let (materials, vertices);
+        let mut left_out = LeftOut::default();
         let colors: Option<&dyn BakeSource> = if detailed.has_materials() {
             materials = LookSource::of_model(detailed)?;
+            left_out.clone_from(materials.left_out());
             Some(&materials)
         } else if detailed.has_vertex_colors() {
             vertices = VertexColorSource::new(detailed)?;
@@ -576,10 +598,13 @@ impl<'a> Baker<'a> {
         } else {
             None
         };
+        self.leave_out(&left_out, goal)?;
         let named = |note: &String| format!("{}: {note}", detailed.path().display());
+        let lacking = left_out.notes();
+        let notes: Vec<String> = detailed.notes().iter().chain(&lacking).map(named).collect();
         let detail = (colors, detailed.has_materials());
         let baked = self.transfer(detailed, detail, detailed.path(), cage, goal)?;
-        Ok(Baked { notes: detailed.notes().iter().map(named).chain(baked.notes).collect(), ..baked })
+        Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), left_out, ..baked })
     }
 
     /// Bakes what another asset holds, and its shape.
@@ -686,6 +711,8 @@ pub struct Covered {
     pub stats: CoverStats,
     /// The number of texels that was asked for, where it was a number.
     pub texels_asked: Option<u64>,
+    /// Images of the model that could not be read.
+    pub left_out: LeftOut,
 }
 
 /// A finished bake.
@@ -704,6 +731,8 @@ pub struct Baked {
     pub summary: BakeSummary,
     /// What the user should know, a sentence each.
     pub notes: Vec<String>,
+    /// Images of models that could not be read, of which the notes tell.
+    pub left_out: LeftOut,
     /// What was found out about photographs.
     #[cfg(feature = "photos")]
     pub photos: Option<fantex_photos::PhotoReport>,

@@ -7,7 +7,8 @@ use std::sync::Mutex;
 
 #[cfg(feature = "export")]
 use fantex::export::{ChannelMap, ExportSummary};
-use fantex::{Baker, Mesh, NoProgress, Progress, Source};
+use fantex::store::Plan;
+use fantex::{Baker, ErrorKind, Mesh, NoProgress, Progress, Source};
 #[cfg(feature = "export")]
 use fantex::{ModelKind, model_notes};
 use fantex_mesh::{LoadOptions, load};
@@ -115,14 +116,50 @@ fn textures_that_repeat_get_a_number_of_texels_that_a_user_would_choose() {
 }
 
 #[test]
-fn a_texture_that_is_not_there_has_a_way_on() {
+fn a_texture_that_is_not_there_is_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = Mesh::load(tiled(folder.path(), 1)).unwrap();
-    std::fs::remove_file(folder.path().join("color.png")).unwrap();
-    let error = Baker::new(&mesh).texels(1000).write(folder.path().join("square.fan")).unwrap_err();
-    let message = error.to_string();
-    assert!(message.contains("color.png") && message.contains("put the file there"), "{message}");
-    assert!(message.contains("--source"), "{message}");
+    let image = folder.path().join("color.png");
+    let kept = std::fs::read(&image).unwrap();
+    std::fs::remove_file(&image).unwrap();
+    let place = |name: &str| folder.path().join(name);
+    let baked = Baker::new(&mesh).texels(1000).write(place("square.fan")).unwrap();
+    let note = &baked.notes[0];
+    assert!(note.contains("color.png") && note.contains("put the file there"), "{note}");
+    // Said before the work begins.
+    let heard = UpToNote::default();
+    Baker::new(&mesh).texels(1000).progress(&heard).write(place("ended.fan")).unwrap_err();
+    assert_eq!(heard.0.lock().unwrap()[0], *note);
+    let strict = Baker::new(&mesh).texels(1000).strict(true);
+    let error = strict.write(place("strict.fan")).unwrap_err();
+    assert_eq!((error.kind(), error.path()), (ErrorKind::NotFound, Some(&*image)));
+    assert!(!place("strict.fan").exists());
+    // Onto another model, and as a look that starts from the model's materials.
+    let detailed = Baker::new(&mesh).texels(1000).source(Source::mesh(place("square.obj")));
+    let notes = detailed.write(place("mesh.fan")).unwrap().notes;
+    assert!(notes.iter().any(|note| note.contains("square.obj: a texture was left out")), "{notes:?}");
+    std::fs::write(place("a.toml"), "[materials.a]\nfrom = \"model\"\nroughness = 0.5\n").unwrap();
+    let look = || Baker::new(&mesh).texels(1000).source(Source::look(place("a.toml")));
+    let notes = look().write(place("look.fan")).unwrap().notes;
+    assert!(notes[0].contains("color.png"), "{notes:?}");
+    look().strict(true).write(place("strict.fan")).unwrap_err();
+    // Parts are baked without it, or all with it.
+    let plan = |name: &str| {
+        Baker::new(&mesh).texels(1000).write_plan(place(name), b"").unwrap();
+        Plan::open(&place(name)).unwrap()
+    };
+    let part = |plan: &Plan, name: &str| {
+        Baker::new(&mesh).texels(1000).write_part(plan, 1, 1, place(name)).map(|baked| baked.notes)
+    };
+    let without = plan("without.plan");
+    assert!(part(&without, "a.part").unwrap().is_empty());
+    std::fs::write(&image, kept).unwrap();
+    let refused = part(&without, "b.part").unwrap_err().to_string();
+    assert!(refused.contains("color.png") && refused.contains("plan anew"), "{refused}");
+    let with = plan("with.plan");
+    std::fs::remove_file(&image).unwrap();
+    let refused = part(&with, "c.part").unwrap_err().to_string();
+    assert!(refused.contains("color.png") && refused.contains("plan anew"), "{refused}");
 }
 
 /// Texels of 64 x 64 on two triangles, as a glTF's sampler may ask for them.

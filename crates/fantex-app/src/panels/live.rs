@@ -45,6 +45,7 @@ pub(super) fn numbers(ui: &mut Ui, viewer: &mut Viewer) {
     let name = live.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
     ui.label(RichText::new(name).heading().color(theme::STRONG));
     hint(ui, "The picture follows the file. What is changed here is in the file once it is saved.");
+    live.notes.iter().for_each(|note| hint(ui, note));
     let mut saved = None;
     ui.horizontal(|ui| {
         ui.add_enabled_ui(live.is_changed(), |ui| {

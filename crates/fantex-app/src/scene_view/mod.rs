@@ -379,6 +379,14 @@ pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
 }
 
 impl SceneModel {
+    /// What whoever looks at it should know, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        match self {
+            Self::Uv(model) => model.left_out().notes(),
+            Self::Fan(_) | Self::World(_) => Vec::new(),
+        }
+    }
+
     fn drawn(&mut self) -> &mut dyn Model {
         match self {
             Self::Uv(model) => &mut **model,

@@ -202,7 +202,7 @@ impl Viewer {
         let work = move || {
             drop(leaving);
             before.into_iter().for_each(|opening| drop(opening.job.wait()));
-            let (document, painting) = if paints {
+            let (mut document, painting) = if paints {
                 let (mut document, painter) = match Document::open_for_painting(
                     &from,
                     memory,
@@ -226,6 +226,7 @@ impl Viewer {
             for_thread.enter(Stage::Preparing)?;
             let progress = for_thread.part(if painting.is_some() { PAINTER_SHARE } else { 0.0 }, 1.0);
             let model = prepare.map(|prepare| prepare(&document, streaming, &progress)).transpose()?;
+            document.notes.extend(model.iter().flat_map(SceneModel::notes));
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
             Ok(Loaded::Document(Box::new(document), model, painting))

@@ -527,7 +527,26 @@ fn missing_coordinates_and_images_give_the_factor() {
     let gone = ImageSource::File(folder.path().join("gone.png"));
     let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
     let mesh = two_materials([material.clone(), material], vec![gone]);
-    assert!(LookSource::of_model(&mesh).unwrap_err().to_string().contains("gone.png"));
+    let source = LookSource::of_model(&mesh).unwrap();
+    assert!(!source.has_textures() && source.channels().len() == 1);
+    assert!(source.left_out().notes()[0].contains("gone.png"), "{:?}", source.left_out());
+}
+
+/// What glows by an image that is missing is dark, and asks for no texels.
+#[test]
+fn emission_without_its_image_is_dark() {
+    let folder = tempfile::tempdir().unwrap();
+    let gone = ImageSource::File(folder.path().join("gone.png"));
+    let material = Material { emission: Vec3::ONE, emission_texture: texture(0, 0), ..Material::default() };
+    let mesh = two_materials([Material::default(), material], vec![gone]);
+    let source = LookSource::of_model(&mesh).unwrap();
+    assert_eq!(source.left_out().count(), 1);
+    let emission = source.channels().iter().position(|c| c.kind == ChannelKind::Emission).unwrap();
+    let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
+    let dark = Vec3::ZERO.extend(1.0);
+    assert_gives(&baked.cache, emission, 1e-5, |_, _| Some(dark));
+    let plain = two_materials([Material::default(), Material::default()], Vec::new());
+    assert_eq!(source.density(), LookSource::of_model(&plain).unwrap().density());
 }
 
 /// An emission texture over a factor of zero is black, and a normal map that is flat gives the vertex normal.
@@ -593,14 +612,14 @@ fn images_that_cannot_be_read_are_named_with_what_wants_them() {
     };
     let message = |materials: [Material; 2]| {
         let mesh = two_materials(materials, images.clone());
-        let error = LookSource::of_model(&mesh).unwrap_err();
+        let error = LookSource::of_model(&mesh).unwrap().left_out().check().unwrap_err();
         assert_eq!(error.kind(), ErrorKind::NotFound);
         assert_eq!(error.path(), Some(folder.path().join("gone.png").as_path()));
         error.to_string()
     };
     let text = message([Material::default(), named.clone()]);
     assert!(text.starts_with("the normal map of material \"wood\" (line 3 of a.mtl): cannot read"), "{text}");
-    assert!(text.contains("gone.png") && text.ends_with("or bake another source (--source)"), "{text}");
+    assert!(text.contains("gone.png") && text.ends_with("or correct its name in the model"), "{text}");
     let nameless = Material { name: String::new(), place: String::new(), ..named };
     let text = message([Material::default(), nameless]);
     assert!(text.starts_with("the normal map of material 1: "), "{text}");

@@ -147,7 +147,9 @@ impl<'a> Prepared<'a> {
         context: &Context,
     ) -> Result<Self> {
         let file = match file {
-            Opened::Scene(scene) => return Ok(Self::Scene { scene, surface: scene.surface(args.filter)? }),
+            Opened::Scene(scene) => {
+                return Ok(Self::Scene { scene, surface: scene.surface(args.filter, context)? });
+            }
             Opened::Look(file) => file,
         };
         let filter = Some(args.filter);
@@ -164,7 +166,9 @@ impl<'a> Prepared<'a> {
             ..PictureChanges::default()
         };
         let given = other.0.model(other.1);
-        Ok(Self::Look(Box::new(LookScene::new(resolver, given.as_ref(), changes)?)))
+        let scene = LookScene::new(resolver, given.as_ref(), changes)?;
+        context.report_left_out(file.path(), &scene.left_out())?;
+        Ok(Self::Look(Box::new(scene)))
     }
 
     fn orbit(&self, args: &CompareArgs, aspect: f64) -> Result<Vec<Camera>> {

@@ -281,7 +281,11 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         None
     });
     let (covered, cover, stats, texels_asked) = match baked {
-        Some(Covered { mesh, cover, stats, texels_asked, .. }) => {
+        Some(Covered { mesh, cover, stats, texels_asked, left_out, .. }) => {
+            if context.strict {
+                left_out.check()?;
+            }
+            report.extend(left_out.notes());
             (Cow::Owned(mesh), cover, stats, texels_asked)
         }
         None => {

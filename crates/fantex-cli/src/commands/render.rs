@@ -139,7 +139,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool_bytes(), context)?;
         drawn.into_parts(scene.mesh().triangles.len() as u64)
     } else {
-        let surface = scene.surface(filter)?;
+        let surface = scene.surface(filter, context)?;
         let rendering = render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
         scene.show_damage(context)?;
         of_rendering(rendering)
@@ -355,7 +355,9 @@ fn render_on_gpu(
     let size = [options.width, options.height];
     let filter = FilterOptions { filter, ..FilterOptions::default() };
     let Some(asset) = scene.asset() else {
-        return draw(&gpu, &mut UvModel::load(&gpu, scene.mesh())?, camera, lights, options, filter);
+        let mut model = UvModel::load(&gpu, scene.mesh())?;
+        context.report_left_out(scene.path(), model.left_out())?;
+        return draw(&gpu, &mut model, camera, lights, options, filter);
     };
     let mut streamed = StreamedModel::open(&gpu, asset.clone(), pool_bytes)?;
     let view = stream_view(camera, size, streamed.model.space());
@@ -407,6 +409,9 @@ fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<
         background: None,
     };
     let scene = LookScene::new(resolver, given.as_ref(), changes)?;
+    if context.strict {
+        scene.left_out().check()?;
+    }
     scene.notes().into_iter().for_each(|note| context.note(note));
     let times = scene.times();
     let pictures = names(&args.output, times.len());

@@ -173,17 +173,79 @@ fn an_image_that_is_missing_or_damaged_is_named() {
     assert_eq!(files(folder.path()), ["broken.png", "colored.ply"]);
 }
 
+/// A model without some of its images is shown and baked without them; not if that is refused.
 #[test]
-fn a_texture_that_is_missing_is_named_with_its_material() {
+fn textures_that_are_missing_are_left_out_and_named_with_their_material() {
     let folder = tempfile::tempdir().unwrap();
     let obj = "mtllib a.mtl\nusemtl oak\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
     let model = write(folder.path(), "a.obj", obj);
     write(folder.path(), "a.mtl", "# made by hand\nnewmtl oak\nmap_Kd bark.png\n");
-    let asset = folder.path().join("x.fan");
+    let at = |name: &str| folder.path().join(name);
+    let (asset, picture, look) = (at("x.fan"), at("x.png"), at("a.toml"));
+    let small = &"--size=32x32";
+    std::fs::write(&look, "[materials.oak]\nfrom = \"model\"\nroughness = 0.5\n").unwrap();
     let words = ["the base colour of material \"oak\" (line 3 of a.mtl)", "bark.png", "put the file there"];
-    fails(1, &words, &[&"bake", &model, &"-o", &asset]);
-    fails(1, &words, &[&"render", &model, &"-o", &folder.path().join("x.png")]);
-    assert_eq!(files(folder.path()), ["a.mtl", "a.obj"]);
+    let commands: [&[&dyn AsRef<OsStr>]; 6] = [
+        &[&"bake", &model, &"-o", &asset, &"--texels=1k"],
+        &[&"render", &model, &"-o", &picture, small],
+        &[&"render", &model, &"--look", &look, &"-o", &picture, small],
+        &[&"compare", &model, &model, &"--views=1", small],
+        &[&"info", &model],
+        &[&"bake", &model, &"-o", &asset, &"--texels=1k", &"--look", &look],
+    ];
+    let (strict, force): ([&dyn AsRef<OsStr>; 1], [&dyn AsRef<OsStr>; 1]) = ([&"--strict"], [&"--force"]);
+    for command in commands {
+        fails(1, &words, &[command, &strict].concat());
+        assert_eq!(files(folder.path()), ["a.mtl", "a.obj", "a.toml"]);
+    }
+    for command in commands {
+        let output = succeeds(&[command, &force].concat());
+        let told = stderr(&output) + &String::from_utf8_lossy(&output.stdout);
+        assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        assert!(told.contains("a texture was left out"), "{told}");
+    }
+    // What is named by hand has to be there.
+    std::fs::write(
+        &look,
+        "[textures.t]\nkind = \"image\"\nimage = \"bark.png\"\n[materials.oak]\nbase_color = \"t\"\n",
+    )
+    .unwrap();
+    fails(1, &["a.toml:3", "bark.png"], &[commands[2], &force].concat());
+}
+
+#[test]
+fn models_with_missing_and_broken_images_are_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("x.png");
+    let gltf = |image: &str| {
+        let positions = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"material":0}}]}}],
+            "materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":{{"index":0}}}}}}],"textures":[{{"source":0}}],
+            "images":[{{"uri":"{image}"}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},
+            {{"bufferView":0,"componentType":5126,"count":3,"type":"VEC2"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}}],
+            "buffers":[{{"byteLength":36,"uri":"data:application/octet-stream;base64,{positions}"}}]}}"#
+        )
+    };
+    let cases = [
+        ("gone.png", "put the file there"),
+        ("data:image/png;base64,iVBORw0KGgoAAAANSUhEUg==", "is not a readable PNG image"),
+    ];
+    for (image, why) in cases {
+        let model = write(folder.path(), "a.gltf", gltf(image));
+        let output = succeeds(&[&"render", &model, &"-o", &picture, &"--size=32x32", &"--force"]);
+        let told = stderr(&output);
+        let what = "a.gltf: a texture was left out: the base colour of material 0";
+        assert!(told.contains(what) && told.contains(why), "{told}");
+        fails(
+            1,
+            &["the base colour of material 0", why],
+            &[&"render", &model, &"-o", &picture, &"--strict", &"--force"],
+        );
+    }
 }
 
 #[test]

@@ -14,7 +14,9 @@ use std::collections::HashMap;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, OpposedTriangles};
 use fantex_scene::FilterOptions;
-use fantex_texture::material::{MaterialTextures, load_material_textures_with_progress, preserve_coverage};
+use fantex_texture::material::{
+    LeftOut, MaterialTextures, load_material_textures_with_progress, preserve_coverage,
+};
 use materials::{TexturePool, UvMaterial, material_layout};
 use vertices::{Attributes, MAX_UV_SETS, Vertices, used_uv_sets};
 
@@ -38,6 +40,7 @@ pub struct UvModel {
     filter: FilterOptions,
     pipelines: Pipelines,
     texture_bytes: u64,
+    left_out: LeftOut,
     /// Of the current frame.
     key: Option<SurfaceKey>,
 }
@@ -46,10 +49,11 @@ pub struct UvModel {
 const DECODED_SHARE: f32 = 0.7;
 
 impl UvModel {
-    /// Decodes the images that the materials use and uploads everything, as the CPU renderer's surface does.
+    /// Decodes the images that the materials use and uploads everything, as the CPU renderer's surface does. Images that are missing or broken
+    /// are [left out](Self::left_out).
     ///
     /// # Errors
-    /// An image that is used cannot be read; the device cannot take the model.
+    /// An image takes more memory than there is, or a disk fails; the device cannot take the model.
     pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
         Self::load_with_progress(gpu, mesh, &|_| {})
     }
@@ -60,12 +64,17 @@ impl UvModel {
     /// As [`load`](Self::load).
     pub fn load_with_progress(gpu: &Gpu, mesh: &Mesh, progress: &(dyn Fn(f32) + Sync)) -> Result<Self> {
         let decoded = |share: f32| progress(DECODED_SHARE * share);
-        let mut textures = load_material_textures_with_progress(mesh, &decoded)?;
+        let (mut textures, left_out) = load_material_textures_with_progress(mesh, &decoded)?;
         preserve_coverage(&mesh.materials, &mut textures);
         progress(DECODED_SHARE);
         let model = Self::new(gpu, mesh, &textures)?;
         progress(1.0);
-        Ok(model)
+        Ok(Self { left_out, ..model })
+    }
+
+    /// Images of the model that could not be read.
+    pub fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     /// Uploads a mesh with decoded textures, an entry per material.
@@ -111,6 +120,7 @@ impl UvModel {
             filter,
             pipelines: Pipelines::new(gpu),
             texture_bytes: pool.bytes,
+            left_out: LeftOut::default(),
             key: None,
         })
     }

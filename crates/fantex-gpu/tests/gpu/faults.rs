@@ -143,7 +143,7 @@ fn odd_meshes_are_drawn() {
 fn too_many_sets_of_coordinates_are_refused() {
     let Some(gpu) = gpu() else { return };
     let mesh = loaded("WaterBottle/WaterBottle.gltf");
-    let textures = fantex_texture::material::load_material_textures(&mesh).unwrap();
+    let (textures, _) = fantex_texture::material::load_material_textures(&mesh).unwrap();
     let many: Vec<MaterialTextures> = (0..5)
         .map(|uv_set| {
             let mut textures = textures[0].clone();

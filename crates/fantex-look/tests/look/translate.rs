@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use fantex_base::ErrorKind;
 use fantex_look::{LookFile, LookImages, ResolveOptions, look_of_model, materials_of_model};
 use fantex_mesh::{
     AlphaMode, CleanOptions, ImageSource, Material, Mesh, TextureRef, ToonInterpolation, ToonScale, WrapMode,
     clean, generate,
 };
 use fantex_texture::look::{LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot, TangentSpace};
+use fantex_texture::material::LeftOut;
 use fantex_texture::{Filtering, Image, ShadingPoint, Texture, UvPoint};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
@@ -55,9 +57,9 @@ fn model(folder: &Path) -> Mesh {
     mesh
 }
 
-fn materials(mesh: &Mesh) -> fantex_base::Result<Vec<LookMaterial>> {
+fn materials(mesh: &Mesh) -> (Vec<LookMaterial>, LeftOut) {
     let options = ResolveOptions::default();
-    materials_of_model(mesh, Path::new("model.gltf"), &LookImages::default(), options)
+    materials_of_model(mesh, Path::new("model.gltf"), &LookImages::default(), options).unwrap()
 }
 
 fn value(slot: &Slot) -> Vec4 {
@@ -84,7 +86,7 @@ fn close(slot: &Slot, expected: Vec4) {
 #[test]
 fn every_channel_of_a_material_is_translated() {
     let folder = tempfile::tempdir().unwrap();
-    let material = &materials(&model(folder.path())).unwrap()[0];
+    let material = &materials(&model(folder.path())).0[0];
     // Factor, vertex colour and texel.
     close(&material.base_color, Vec4::new(0.0625, 0.125, 0.375, 0.5));
     assert!((value(&material.metallic).x - 0.375).abs() < 1e-3);
@@ -103,7 +105,7 @@ fn materials_may_collapse_their_coordinates() {
     let mut mesh = model(folder.path());
     let collapsed = Mat3::from_diagonal(Vec3::new(0.0, 1.0, 1.0));
     mesh.materials[0].base_color_texture.as_mut().unwrap().uv_transform = collapsed;
-    close(&materials(&mesh).unwrap()[0].base_color, Vec4::new(0.0625, 0.125, 0.375, 0.5));
+    close(&materials(&mesh).0[0].base_color, Vec4::new(0.0625, 0.125, 0.375, 0.5));
 }
 
 #[test]
@@ -113,7 +115,7 @@ fn normal_maps_lie_in_the_transformed_coordinates() {
     let transform = Mat3::from_angle(1.0);
     mesh.materials[0].normal_texture.as_mut().unwrap().uv_transform = transform;
     let expected = TangentSpace { uv_set: 0, uv_transform: transform, of_model: true };
-    let material = &materials(&mesh).unwrap()[0];
+    let material = &materials(&mesh).0[0];
     assert!(
         matches!(material.relief.as_slice(), [Relief::Normal { space: NormalSpace::Tangent(space), .. }] if *space == expected)
     );
@@ -122,7 +124,7 @@ fn normal_maps_lie_in_the_transformed_coordinates() {
 #[test]
 fn uses_of_one_image_share_its_texture() {
     let folder = tempfile::tempdir().unwrap();
-    let material = &materials(&model(folder.path())).unwrap()[0];
+    let material = &materials(&model(folder.path())).0[0];
     let [metallic, roughness, occlusion] = [&material.metallic, &material.roughness, &material.occlusion]
         .map(|slot| match slot {
             Slot::Texture(texture) => texture.as_use().unwrap(),
@@ -142,11 +144,19 @@ fn a_translated_look_is_a_look() {
     assert_eq!(file.look(), &translated.look, "{text}");
 }
 
+/// Factors stay, a normal map goes, and what is to glow in some places glows in none.
 #[test]
-fn a_missing_image_is_named_with_its_material() {
+fn a_missing_image_is_left_out_and_named_with_its_material() {
     let folder = tempfile::tempdir().unwrap();
     let mut mesh = model(folder.path());
     mesh.images = vec![ImageSource::File(folder.path().join("gone.png"))];
-    let message = materials(&mesh).unwrap_err().to_string();
-    assert!(message.contains("of material \"paint\"") && message.contains("gone.png"), "{message}");
+    let (materials, left_out) = materials(&mesh);
+    let notes = left_out.notes();
+    assert!(notes[0].contains("of material \"paint\"") && notes[0].contains("gone.png"), "{notes:?}");
+    assert_eq!(left_out.check().unwrap_err().kind(), ErrorKind::NotFound);
+    let material = &materials[0];
+    assert!(material.relief.is_empty());
+    close(&material.base_color, Vec4::new(0.25, 0.25, 0.5, 1.0));
+    assert_eq!([&material.roughness, &material.occlusion].map(|slot| value(slot).x), [0.25, 1.0]);
+    assert_eq!(value(&material.emission).truncate(), Vec3::ZERO);
 }

@@ -146,7 +146,9 @@ def compare(
     if not 1 <= views <= 1000:
         raise ValueError(f"views is {views}; expected 1 to 1000")
     options = _view(size=size, samples=samples, filter=filter)
-    return _native.compare(_subject(reference)._native, _subject(test)._native, views, options, progress)
+    found = _native.compare(_subject(reference)._native, _subject(test)._native, views, options, progress)
+    _warn(found.pop("notes"), 3)
+    return found
 
 
 def upload(file: Path, address: Path, *, overwrite: bool = False, progress: Optional[Progress] = None) -> None:

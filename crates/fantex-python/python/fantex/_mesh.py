@@ -188,7 +188,8 @@ class Mesh:
         transparent: bool = False,
     ) -> Picture:
         """A picture of the mesh with its own materials and colours, made on the CPU: what a bake of these shows. Takes the arguments of
-        :meth:`Asset.render`, and gives ``(rows, columns, 4)`` uint8, sRGB."""
+        :meth:`Asset.render`, and gives ``(rows, columns, 4)`` uint8, sRGB. It warns where images of its file are missing or broken, which are
+        left out."""
         view = _view(
             size=size,
             camera=camera,

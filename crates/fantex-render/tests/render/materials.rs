@@ -249,13 +249,24 @@ fn cut_outs_are_all_or_nothing_and_opaque_ignores_alpha() {
 }
 
 #[test]
-fn a_missing_image_is_an_error_that_names_it() {
+fn a_missing_image_is_left_out_and_named() {
     let mut mesh = square();
     mesh.images = vec![ImageSource::File("no/such/picture.png".into())];
+    mesh.materials[0].base_color = Vec4::new(0.5, 0.25, 0.125, 1.0);
     mesh.materials[0].base_color_texture = Some(texture());
-    let error = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("picture.png"), "{error}");
-    assert!(error.ends_with("put the file there, or correct its name in the model"), "{error}");
+    mesh.materials[0].normal_texture = Some(texture());
+    mesh.materials[0].emission = Vec3::ONE;
+    mesh.materials[0].emission_texture = Some(texture());
+    let surface = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
+    let notes = surface.left_out().notes();
+    assert!(notes[0].contains("picture.png"), "{notes:?}");
+    assert!(notes[0].ends_with("put the file there, or correct its name in the model"), "{notes:?}");
+    let seen = |shading| {
+        let picture = picture(&mesh, &frontal(1.5, 40.0), Filter::Trilinear, &options(shading));
+        picture.pixel(picture.width / 2, picture.height / 2)
+    };
+    assert_eq!(seen(Shading::BaseColor), [0.5, 0.25, 0.125, 1.0]);
+    assert_eq!(seen(Shading::Emission), [0.0, 0.0, 0.0, 1.0]);
 }
 
 // Pictures against goldens.

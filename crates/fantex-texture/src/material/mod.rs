@@ -11,22 +11,25 @@
 mod bump;
 mod filtering;
 mod packed;
+mod reading;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fantex_base::{Error, ErrorKind, ReadLimits, Result};
+use fantex_base::Result;
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents, interpolate,
 };
 use glam::{Mat3, Vec2, Vec3, Vec4};
-use rayon::prelude::*;
 
-use crate::{AlphaUse, ColorSpace, ImageTexture, Wrap};
+use crate::{AlphaUse, ColorSpace, Image, ImageTexture, Wrap};
 
 pub use filtering::*;
 pub use packed::read_image;
+pub use reading::{LeftOut, read_used_images};
+
+use reading::used_images;
 
 /// One `T` for each channel of a material that may have an image.
 #[derive(Clone, Debug, Default)]
@@ -123,74 +126,12 @@ impl ImageUse {
     }
 }
 
-/// A material in messages: its name and the place in the model file where it names the image, or else its own, as far as there are any.
-fn label(mesh: &Mesh, index: usize, image: usize) -> String {
-    let Material { name, place, .. } = &mesh.materials[index];
-    match (name.as_str(), mesh.image_places.get(image).unwrap_or(place).as_str()) {
-        ("", "") => format!("material {index}"),
-        ("", place) => place.to_owned(),
-        (name, "") => format!("material {name:?}"),
-        (name, place) => format!("material {name:?} ({place})"),
-    }
-}
-
-/// What kept an image from being read, with the channel and the material that want it, and what to do where its file is missing.
-fn unreadable(channel: &str, label: &str, cause: Error) -> Error {
-    let advice = match cause.kind() {
-        ErrorKind::NotFound => "; put the file there, or correct its name in the model",
-        _ => "",
-    };
-    let mut error = Error::new(cause.kind(), format!("the {channel} of {label}: {cause}{advice}"));
-    if let Some(path) = cause.path() {
-        error = error.with_path(path);
-    }
-    error.with_source(cause)
-}
-
-/// Reads the images of all textures of a mesh's materials that are `usable`, each once per way of use, in parallel.
-///
-/// # Errors
-/// An image that is used cannot be read; where several cannot, the one with the lowest index. The material and the channel in the
-/// message are the first ones that use it so. Kind and path are those of what failed.
-pub fn read_used_images<T: Send>(
-    mesh: &Mesh,
-    usable: impl Fn(&TextureRef) -> bool,
-    read: impl Fn(&ImageSource, ImageUse) -> Result<T> + Sync,
-) -> Result<Vec<(ImageUse, T)>> {
-    let limits = ReadLimits::current();
-    let loaded: Vec<_> = used_images(mesh, usable)
-        .into_par_iter()
-        .map(|(used, index, channel)| {
-            let failed = |cause| unreadable(channel, &label(mesh, index, used.image), cause);
-            let image = limits.run(|| read(&mesh.images[used.image], used)).map_err(failed)?;
-            Ok((used, image))
-        })
-        .collect();
-    // Not collected as one result in parallel: which of several errors that gives is left to chance.
-    loaded.into_iter().collect()
-}
-
-/// Images of textures that are `usable`, each once per way of use, with the first material and channel that use it so; in order of their
-/// numbers.
-fn used_images(mesh: &Mesh, usable: impl Fn(&TextureRef) -> bool) -> Vec<(ImageUse, usize, &'static str)> {
-    let mut wanted = BTreeMap::new();
-    for (index, material) in mesh.materials.iter().enumerate() {
-        for (channel, texture, space) in channels(material).into_array() {
-            if let Some(texture) = texture.filter(|t| t.image < mesh.images.len() && usable(t)) {
-                let used = ImageUse::of(material, texture, space);
-                let key = (used.image, space == ColorSpace::Srgb, used.alpha == AlphaUse::Coverage);
-                wanted.entry(key).or_insert((used, index, channel));
-            }
-        }
-    }
-    wanted.into_values().collect()
-}
-
-/// Decodes all images that a mesh's materials use; one entry per material.
+/// Decodes all images that a mesh's materials use: an entry per material, and which images are [left out](LeftOut). A texture whose image
+/// is left out is none; what glows by one is dark.
 ///
 /// # Errors
 /// As [`read_used_images`].
-pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
+pub fn load_material_textures(mesh: &Mesh) -> Result<(Vec<MaterialTextures>, LeftOut)> {
     load_material_textures_with_progress(mesh, &|_| {})
 }
 
@@ -201,30 +142,42 @@ pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
 pub fn load_material_textures_with_progress(
     mesh: &Mesh,
     progress: &(dyn Fn(f32) + Sync),
-) -> Result<Vec<MaterialTextures>> {
+) -> Result<(Vec<MaterialTextures>, LeftOut)> {
     let (all, done) = (used_images(mesh, |_| true).len(), AtomicUsize::new(0));
     let decode = |source: &ImageSource, used| {
         let texture = Arc::new(decode(source, used)?);
-        progress((done.fetch_add(1, Ordering::Relaxed) + 1) as f32 / all.max(1) as f32);
+        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+        progress((done as f32 / all.max(1) as f32).min(1.0));
         Ok(texture)
     };
-    let textures: HashMap<_, _> = read_used_images(mesh, |_| true, decode)?.into_iter().collect();
+    let (textures, left_out) = read_used_images(mesh, |_| true, decode)?;
+    let textures: HashMap<_, _> = textures.into_iter().collect();
+    let black = Arc::new(ImageTexture::new(Arc::new(Image::from_linear_rgb(1, 1, &[[0.0; 4]]))));
     let of_material = |material| {
-        channels(material).map(|(_, texture, space)| {
+        channels(material).map(|(channel, texture, space)| {
             let texture_ref: &TextureRef = texture?;
             let texture = textures.get(&ImageUse::of(material, texture_ref, space))?;
             let set = mesh.corners.uv_sets.get(texture_ref.uv_set)?;
+            let (texture, uv_transform) = match texture {
+                Some(texture) => (texture, texture_ref.uv_transform),
+                // One texel everywhere, which asks for no density.
+                None if channel == EMISSION => (&black, Mat3::from_cols(Vec3::ZERO, Vec3::ZERO, Vec3::Z)),
+                None => return None,
+            };
             (set.len() == 3 * mesh.triangles.len()).then(|| TextureLayer {
                 uv_set: texture_ref.uv_set,
-                uv_transform: texture_ref.uv_transform,
+                uv_transform,
                 wrap: texture_ref.wrap.map(Wrap::from),
                 nearest: texture_ref.nearest,
                 texture: Arc::clone(texture),
             })
         })
     };
-    Ok(mesh.materials.iter().map(of_material).collect())
+    Ok((mesh.materials.iter().map(of_material).collect(), left_out))
 }
+
+/// What emission textures are called in messages.
+const EMISSION: &str = "emission texture";
 
 fn channels(material: &Material) -> ImageSlots<(&'static str, Option<&TextureRef>, ColorSpace)> {
     use ColorSpace::{Linear, Srgb};
@@ -237,7 +190,7 @@ fn channels(material: &Material) -> ImageSlots<(&'static str, Option<&TextureRef
         ),
         normal: ("normal map", material.normal_texture.as_ref(), Linear),
         occlusion: ("occlusion texture", material.occlusion_texture.as_ref(), Linear),
-        emission: ("emission texture", material.emission_texture.as_ref(), Srgb),
+        emission: (EMISSION, material.emission_texture.as_ref(), Srgb),
     }
 }
 

@@ -1,14 +1,16 @@
 //! Cut-outs and highlights under minification; images of materials.
 
+use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
 use fantex_mesh::{
-    AlphaMode, BumpImage, ImageChannel, ImageSource, Material, PackedChannel, PackedImage, WrapMode,
+    AlphaMode, BumpImage, CleanOptions, CornerAttributes, ImageChannel, ImageSource, Material, Mesh, Model,
+    PackedChannel, PackedImage, TextureRef, WrapMode, clean,
 };
 use fantex_texture::material::{
-    AlphaCoverage, MaterialTextures, ROUNDED_LENGTH, TextureLayer, preserve_coverage, read_image,
-    roughness_with_variance,
+    AlphaCoverage, LeftOut, MaterialTextures, ROUNDED_LENGTH, TextureLayer, load_material_textures,
+    preserve_coverage, read_image, roughness_with_variance,
 };
 use fantex_texture::{ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap};
-use glam::{Mat3, Vec2, Vec3};
+use glam::{DVec3, Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// Leaves: soft blobs of random size and place.
@@ -232,6 +234,102 @@ fn packed_images_take_a_channel_of_each_source() {
     let crossed = ImageSource::Packed(Box::new(PackedImage { channels: [red, green, None, None] }));
     let refused = read_image(&crossed, ColorSpace::Linear).unwrap_err();
     assert!(refused.to_string().contains("64 x 64 texels"), "{refused}");
+}
+
+/// A triangle with coordinates and these materials.
+fn triangle(materials: Vec<Material>, images: Vec<ImageSource>) -> Mesh {
+    let model = Model {
+        positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+        triangles: vec![[0, 1, 2]],
+        corners: CornerAttributes {
+            uv_sets: vec![vec![Vec2::ZERO, Vec2::X, Vec2::Y]],
+            ..CornerAttributes::default()
+        },
+        materials,
+        images,
+        ..Model::default()
+    };
+    clean(model, &CleanOptions::default()).unwrap().0
+}
+
+fn use_of(image: usize) -> Option<TextureRef> {
+    let (uv_transform, wrap) = (Mat3::IDENTITY, [WrapMode::Repeat; 2]);
+    Some(TextureRef { image, uv_set: 0, uv_transform, wrap, nearest: false })
+}
+
+#[test]
+fn images_that_are_missing_or_broken_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| ImageSource::File(folder.path().join(name));
+    let samples = Samples::U8(vec![200, 100, 50, 255]);
+    let image = Image { width: 1, height: 1, channels: 4, space: ColorSpace::Linear, samples };
+    image.save(folder.path().join("there.png")).unwrap();
+    let whole = std::fs::read(folder.path().join("there.png")).unwrap();
+    let channel = |name: &str, channel| Some(PackedChannel { source: file(name), channel });
+    let (green, alpha) =
+        (channel("there.png", ImageChannel::Green), channel("gone.png", ImageChannel::Alpha));
+    let packed = PackedImage { channels: [None, green, channel("gone.png", ImageChannel::Red), alpha] };
+    let broken = whole[..whole.len() / 2].into();
+    let images = vec![
+        file("gone.png"),
+        ImageSource::Embedded { label: "image 1 of a.glb".into(), bytes: broken },
+        ImageSource::Packed(Box::new(packed)),
+        file("there.png"),
+        ImageSource::File(folder.path().to_owned()),
+    ];
+    let material = Material {
+        name: "oak".into(),
+        base_color_texture: use_of(0),
+        normal_texture: use_of(1),
+        metallic_roughness_texture: use_of(2),
+        occlusion_texture: use_of(3),
+        emission_texture: use_of(4),
+        ..Material::default()
+    };
+    let mesh = triangle(vec![material.clone()], images.clone());
+    let (textures, left_out) = load_material_textures(&mesh).unwrap();
+    let MaterialTextures { base_color, metallic_roughness, normal, occlusion, emission } = &textures[0];
+    assert!(base_color.is_none() && normal.is_none() && occlusion.is_some());
+    let texel = |layer: &Option<TextureLayer>| {
+        let texture = &layer.as_ref().unwrap().texture;
+        texture.sample(Vec2::splat(0.5), [Vec2::ZERO; 2], &SampleOptions::default())
+    };
+    // What is packed of several keeps those that are there.
+    assert!((texel(metallic_roughness)[1] - 100.0 / 255.0).abs() < 1e-3, "{:?}", texel(metallic_roughness));
+    assert_eq!([0, 2, 3].map(|channel| texel(metallic_roughness)[channel]), [1.0; 3]);
+    assert_eq!(texel(emission), [0.0, 0.0, 0.0, 1.0]);
+    let notes = left_out.notes();
+    let expected = [
+        "a texture was left out: the base colour of material \"oak\": cannot read ",
+        "a texture was left out: the normal map of material \"oak\": 'image 1 of a.glb' is not a readable PNG image: ",
+        "a texture was left out: the metallic-roughness texture of material \"oak\": cannot read ",
+        "a texture was left out: the emission texture of material \"oak\": cannot read ",
+    ];
+    assert_eq!(notes.len(), expected.len(), "{notes:?}");
+    assert!(notes.iter().zip(expected).all(|(note, start)| note.starts_with(start)), "{notes:?}");
+    assert!(notes[3].ends_with("it is a folder, not a regular file"), "{notes:?}");
+    let error = left_out.check().unwrap_err();
+    assert_eq!((error.kind(), error.path()), (ErrorKind::NotFound, Some(&*folder.path().join("gone.png"))));
+    // Many are counted.
+    let mut many = LeftOut::default();
+    (0..3).for_each(|_| many.extend(left_out.clone()));
+    let notes = many.notes();
+    assert!(notes.len() == 9 && notes[8].contains("4 more textures"), "{notes:?}");
+}
+
+/// With more memory it could be read, so it is no fault of the model.
+#[test]
+fn images_for_which_there_is_no_memory_are_errors() {
+    let samples = Samples::U8(vec![0; 256 * 256]);
+    let image = Image { width: 256, height: 256, channels: 1, space: ColorSpace::Linear, samples };
+    let bytes = image.encoded("a.png").unwrap().into();
+    let images = vec![ImageSource::Embedded { label: "image 0".into(), bytes }];
+    let material = Material { base_color_texture: use_of(0), ..Material::default() };
+    let mesh = triangle(vec![material], images);
+    let limits = ReadLimits::new(ReadOptions { memory_bytes: 10_000, ..ReadOptions::default() });
+    let error = limits.run(|| load_material_textures(&mesh)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TooLarge);
+    load_material_textures(&mesh).unwrap().1.check().unwrap();
 }
 
 #[test]

@@ -11,6 +11,7 @@ use fantex_cover::{CoverStats, TexelBudget};
 use fantex_export::{ExportOptions, ExportSummary, export_model, export_source};
 use fantex_mesh::AlphaMode;
 use fantex_store::Asset;
+use fantex_texture::material::LeftOut;
 
 use super::{Baked, Baker, Goal};
 use crate::budget_texels;
@@ -47,6 +48,7 @@ impl Baker<'_> {
             cover_time: Duration::ZERO,
             summary,
             notes: Vec::new(),
+            left_out: LeftOut::default(),
             #[cfg(feature = "photos")]
             photos: None,
             exported: Some(exported),

@@ -105,7 +105,7 @@ impl<'a> Source<'a> {
     /// The source as a function on a mesh's surface: what pictures of an asset are compared with.
     ///
     /// # Errors
-    /// The mesh has no such colours, a file cannot be read; or it is a look, a mesh or photographs, which can only be baked.
+    /// The mesh has no such colours, a file or an image of its materials cannot be read; or it is a look, a mesh or photographs, which can only be baked.
     pub fn evaluator<'m>(
         &'m self,
         mesh: &'m fantex_mesh::Mesh,
@@ -127,7 +127,11 @@ impl Kind<'_> {
         seed: u64,
     ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
         Ok(match self {
-            Self::OwnMaterials => Box::new(LookSource::of_model(mesh)?),
+            Self::OwnMaterials => {
+                let source = LookSource::of_model(mesh)?;
+                source.left_out().check()?;
+                Box::new(source)
+            }
             Self::VertexColors => Box::new(VertexColorSource::new(mesh)?),
             Self::Image(path, mapping) => {
                 let texture = ImageTexture::new(Arc::new(Image::load(path)?));

@@ -16,6 +16,7 @@ use fantex_render::{
 };
 use fantex_texture::environment::{EnvironmentForm, EnvironmentMap, PrefilteredEnvironment, Sky};
 use fantex_texture::look::{LookMaterial, Slot};
+use fantex_texture::material::LeftOut;
 use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
@@ -214,6 +215,7 @@ pub struct LookBake {
     /// Per material; empty where displacements are geometry.
     heights: Vec<Option<Slot>>,
     light: Option<BakedLight>,
+    left_out: LeftOut,
 }
 
 /// The light that is baked, if it is.
@@ -243,7 +245,7 @@ impl LookBake {
         let bake = &resolver.file.look().bake;
         let object = resolver.model_object();
         let mut heights = Vec::new();
-        let ResolvedMaterials { mut materials, names } = if bake.heights {
+        let ResolvedMaterials { mut materials, names, left_out } = if bake.heights {
             let resolved = resolver.materials(mesh, model, object)?;
             let mut textures = Resolver::new(resolver.file, mesh, resolver.images, resolver.options);
             let of_name = |name: &Option<String>| match name {
@@ -271,7 +273,12 @@ impl LookBake {
         }
         let light = bake.light.as_ref().map(|table| resolver.baked_light(table)).transpose()?;
         mesh.materials = of_look(&materials, light.is_some());
-        Ok(Self { materials, time: bake.time as f32, heights, light })
+        Ok(Self { materials, time: bake.time as f32, heights, light, left_out })
+    }
+
+    /// Images of the model that could not be read.
+    pub fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
     /// Whether light is baked in.
@@ -311,7 +318,7 @@ impl LookBake {
         let heights = self.heights.iter().flatten().filter_map(Slot::texture);
         let textures: Vec<_> = self.materials.iter().flat_map(|m| m.textures()).chain(heights).collect();
         let notes = [note_of_lacking_coordinates(mesh, &textures), self.note_of_inward_parts(mesh)];
-        notes.into_iter().flatten().collect()
+        self.left_out.notes().into_iter().chain(notes.into_iter().flatten()).collect()
     }
 
     /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].

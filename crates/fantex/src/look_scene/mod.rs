@@ -18,6 +18,7 @@ use fantex_look::{Key, LookFile, LookImages, ResolveOptions, Resolver, materials
 use fantex_mesh::Mesh;
 use fantex_store::limits::MAX_UV_SETS;
 use fantex_texture::look::LookMaterial;
+use fantex_texture::material::LeftOut;
 use fantex_texture::{Dependence, Texture};
 
 pub use lights::LookBake;
@@ -31,6 +32,8 @@ pub struct ResolvedMaterials {
     pub materials: Vec<Arc<LookMaterial>>,
     /// For each of them its name in the look; none where the model's own is kept.
     pub names: Vec<Option<String>>,
+    /// Images of the model that its own materials lack. Those of the look have to be there.
+    pub left_out: LeftOut,
 }
 
 /// Finds out which material of a look every material of a model has.
@@ -72,10 +75,10 @@ impl MaterialResolver<'_> {
                 table.is_some_and(|t| t.from == MaterialBase::Model)
             }
         });
-        let own = if needs_own {
+        let (own, left_out) = if needs_own {
             materials_of_model(mesh, model, self.images, self.options)?
         } else {
-            vec![LookMaterial::default(); mesh.materials.len()]
+            (vec![LookMaterial::default(); mesh.materials.len()], LeftOut::default())
         };
         let resolver = Resolver::new(self.file, mesh, self.images, self.options);
         let mut resolver = resolver.with_altitudes_of(displaced);
@@ -83,7 +86,7 @@ impl MaterialResolver<'_> {
             Some(name) => resolver.material(name, &own).map(Arc::new),
             None => Ok(Arc::new(own)),
         });
-        Ok(ResolvedMaterials { materials: materials.collect::<Result<_>>()?, names })
+        Ok(ResolvedMaterials { materials: materials.collect::<Result<_>>()?, names, left_out })
     }
 
     fn names(&self, mesh: &Mesh, object: Option<usize>) -> Result<Vec<Option<String>>> {

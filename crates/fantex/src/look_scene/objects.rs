@@ -15,7 +15,7 @@ use fantex_mesh::{
 use fantex_render::{FanSurface, FilterOptions, LookSurface, Surface};
 use fantex_store::{Asset, PageCache};
 use fantex_texture::look::{LookMaterial, Slot};
-use fantex_texture::material::vertex_color;
+use fantex_texture::material::{LeftOut, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{DAffine3, DQuat, DVec2, DVec3, EulerRot, Vec2, Vec3};
 
@@ -34,6 +34,8 @@ pub struct GivenModel {
 #[derive(Debug)]
 pub(super) struct Object {
     pub(super) shape: Shape,
+    /// Images of the model that could not be read.
+    pub(super) left_out: LeftOut,
     pub(super) name: Option<String>,
     pub(super) world_from_object: DAffine3,
 }
@@ -129,6 +131,7 @@ impl MaterialResolver<'_> {
         let cache = PageCache::new(Arc::new(asset), memory_bytes);
         Ok(Object {
             shape: Shape::Asset(Box::new(cache)),
+            left_out: LeftOut::default(),
             name: table.name.clone(),
             world_from_object: placement(table),
         })
@@ -138,6 +141,7 @@ impl MaterialResolver<'_> {
         let (mesh, resolved) = self.shape_and_materials(mesh, path, index)?;
         Ok(Object {
             shape: Shape::Model { mesh: Box::new(mesh), materials: resolved.materials },
+            left_out: resolved.left_out,
             name: table.name.clone(),
             world_from_object: placement(table),
         })

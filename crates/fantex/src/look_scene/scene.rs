@@ -12,6 +12,7 @@ use fantex_render::{
 use fantex_scene::world_bounds;
 use fantex_texture::Filter;
 use fantex_texture::environment::EnvironmentMap;
+use fantex_texture::material::LeftOut;
 use glam::DVec3;
 
 use super::lights::{converted, environment_light};
@@ -68,17 +69,32 @@ impl<'a> LookScene<'a> {
 
     /// What whoever looks at it should know, a sentence each.
     pub fn notes(&self) -> Vec<String> {
-        let note = |(index, object): (usize, &Object)| {
-            let Shape::Model { mesh, materials } = &object.shape else { return None };
-            let textures: Vec<_> = materials.iter().flat_map(|m| m.textures()).collect();
-            let note = note_of_lacking_coordinates(mesh, &textures)?;
-            Some(match &object.name {
-                Some(name) => format!("object {name}: {note}"),
-                None if self.objects.len() > 1 => format!("{}: {note}", Key::of(["object"]).index(index)),
+        let notes = |(index, object): (usize, &Object)| {
+            let lacking = match &object.shape {
+                Shape::Model { mesh, materials } => {
+                    let textures: Vec<_> = materials.iter().flat_map(|m| m.textures()).collect();
+                    note_of_lacking_coordinates(mesh, &textures)
+                }
+                Shape::Asset(_) => None,
+            };
+            let name = match &object.name {
+                Some(name) => Some(format!("object {name}")),
+                None => (self.objects.len() > 1).then(|| Key::of(["object"]).index(index).to_string()),
+            };
+            let named = move |note| match &name {
+                Some(name) => format!("{name}: {note}"),
                 None => note,
-            })
+            };
+            object.left_out.notes().into_iter().chain(lacking).map(named)
         };
-        self.objects.iter().enumerate().filter_map(note).collect()
+        self.objects.iter().enumerate().flat_map(notes).collect()
+    }
+
+    /// Images of all models that could not be read.
+    pub fn left_out(&self) -> LeftOut {
+        let mut all = LeftOut::default();
+        self.objects.iter().for_each(|object| all.extend(object.left_out.clone()));
+        all
     }
 
     /// The times of all pictures, in seconds: one, or those of the animation.

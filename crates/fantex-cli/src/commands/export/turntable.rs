@@ -67,7 +67,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     files.iter().try_for_each(|file| context.check_output(file))?;
     let surroundings = args.surroundings.load(None)?;
     options.background = args.surroundings.background()?;
-    let surface = scene.surface(args.filter)?;
+    let surface = scene.surface(args.filter, context)?;
     // An unfinished animation must not stay behind.
     let _deferral = context.defer_interrupt();
     let mut series = Series::of_files(context, &args.output, "picture", Some(u64::from(count)));

@@ -199,7 +199,7 @@ impl Shown {
         let options = RenderOptions { width, height, ..RenderOptions::default() };
         let picture = match self {
             Self::Asset(scene) => {
-                let surface = scene.surface(Filter::Anisotropic)?;
+                let surface = scene.surface(Filter::Anisotropic, context)?;
                 let camera = portrait(scene.mesh(), &options);
                 photograph(scene.mesh(), surface.as_ref(), &camera, &options)?.picture
             }
