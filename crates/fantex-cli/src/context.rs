@@ -36,6 +36,7 @@ pub(crate) struct Context {
     pub(crate) memory_asked: Option<u64>,
     pub(crate) threads_asked: Option<u32>,
     pub(crate) seed: u64,
+    pub(crate) is_seed_asked: bool,
     pub(crate) allow_outside: bool,
     /// Coarser texels do not stand in for damaged ones, and models are not shown without images: that is an error.
     pub(crate) strict: bool,
@@ -69,7 +70,8 @@ impl Context {
             threads_asked: common.threads,
             allow_outside: common.allow_outside,
             strict: common.strict,
-            seed: common.seed,
+            seed: common.seed(),
+            is_seed_asked: common.seed.is_some(),
             json: common.json,
             quiet: common.quiet,
             interrupt: Interrupt::listen()?,
@@ -99,6 +101,18 @@ impl Context {
         }
         left_out.notes().iter().for_each(|note| self.note(format!("{}: {note}", path.display())));
         Ok(())
+    }
+
+    /// The first flag that was given and says nothing to a window.
+    pub(crate) fn flag_not_for_windows(&self) -> Option<&'static str> {
+        let flags = [
+            ("--json", self.json),
+            ("--quiet", self.quiet),
+            ("--strict", self.strict),
+            ("--force", self.force),
+            ("--seed", self.is_seed_asked),
+        ];
+        flags.into_iter().find(|(_, is_given)| *is_given).map(|(flag, _)| flag)
     }
 
     /// Whether results are printed for programs.

@@ -142,9 +142,16 @@ pub(crate) struct CommonArgs {
     /// Overwrite existing files, except assets that another program is editing
     #[arg(long, global = true)]
     pub(crate) force: bool,
-    /// Seed of everything random
-    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, default_value_t = DEFAULT_SEED, value_parser = whole::<u64>)]
-    pub(crate) seed: u64,
+    /// Seed of everything random [default: 1]
+    #[arg(long, global = true, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u64>)]
+    seed: Option<u64>,
+}
+
+impl CommonArgs {
+    /// The seed that was asked for, or the default.
+    pub(crate) fn seed(&self) -> u64 {
+        self.seed.unwrap_or(DEFAULT_SEED)
+    }
 }
 
 /// What to do.

@@ -1,6 +1,6 @@
 //! Pictures: what they show beside their subject, what differs between two, and arrays of their pixels.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fantex::glam::Vec3;
 use fantex::mesh::Mesh as Geometry;
@@ -8,7 +8,7 @@ use fantex::render::{FanSurface, LookSurface, RenderOptions, Surface, render};
 use fantex::scene::{Background, Camera, FilterOptions, Lights, Picture};
 use fantex::texture::compare::{Comparison, compare as compare_images, compare_where};
 use fantex::texture::{ColorSpace, Filter, Image, Samples};
-use fantex::{Error, ModelPicture, Progress, Surroundings, ViewComparison};
+use fantex::{Error, ModelPicture, Progress, Surroundings, ViewComparison, World, frame_world};
 use numpy::{
     Element, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods, ToPyArray,
 };
@@ -96,6 +96,12 @@ impl View {
     /// The camera that was given, or the one that shows a mesh whole.
     pub(crate) fn camera(&self, mesh: &Geometry) -> Camera {
         self.camera.unwrap_or_else(|| Camera::framing_mesh(mesh, Camera::THREE_QUARTER, self.aspect()))
+    }
+
+    /// The camera that was given, or the one that shows a world whole, which was read at `place`.
+    pub(crate) fn camera_of_world(&self, place: &Path, world: &World) -> fantex::Result<Camera> {
+        let (from, fov) = (Camera::THREE_QUARTER, Camera::FRAMING_FOV_DEGREES);
+        self.camera.map_or_else(|| frame_world(place, world, from, self.aspect(), fov), Ok)
     }
 
     fn aspect(&self) -> f64 {

@@ -81,8 +81,7 @@ impl World {
         let view = View::new(options)?;
         let (picture, notes) = watched(py, None, |_| {
             let Self { place, world } = self;
-            let boxes = WorldScene::boxes(world, world.space_to_show(place)?);
-            let camera = view.camera(&boxes);
+            let camera = view.camera_of_world(place, world)?;
             if let Some(defect) = camera.defect() {
                 return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
             }

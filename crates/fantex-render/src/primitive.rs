@@ -352,7 +352,7 @@ impl Polygon {
     }
 
     /// The part where `plane . h >= offset` (Sutherland and Hodgman 1974).
-    fn clipped(&self, plane: DVec3, offset: f64) -> Self {
+    pub(crate) fn clipped(&self, plane: DVec3, offset: f64) -> Self {
         let mut kept = Self::empty();
         let corners = self.corners();
         for (i, &a) in corners.iter().enumerate() {

@@ -4,15 +4,14 @@
 //!  lamp, scene --lamp_views--> LampView(s) --draw--> nearness per texel --filter--> share of the light that arrives
 //! ```
 //!
-//! A map holds, for every texel, how near to the lamp the nearest surface is. Nearness is linear over the map on every plane
-//! (it is `1 / depth`, or where light is parallel the distance from the far end), so a receiver is compared not with one
-//! number but with its own facet's plane under every texel of the filter: no bias can be too small on a plane, however it
-//! is inclined.
+//! A map holds, for every texel, how near to the lamp the nearest surface is. [Nearness](FittedView) is linear over the map on
+//! every plane, so a receiver is compared not with one number but with its own facet's plane under every texel of the filter:
+//! no bias can be too small on a plane, however it is inclined.
 
 use fantex_base::Result;
 use fantex_base::input::{self, Held};
 use fantex_mesh::{Mesh, SurfacePoint};
-use fantex_scene::{FittedView, LampView, Penumbra, Projected, ShadowOptions, Spread, lamp_views};
+use fantex_scene::{FittedView, Penumbra, Projected, ShadowOptions, Spread, lamp_views};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -41,10 +40,8 @@ pub(crate) struct ShadowPlan {
 
 #[derive(Debug)]
 struct ShadowFace {
-    view: LampView,
+    fitted: FittedView,
     resolution: u32,
-    /// Largest depth of the scene, mesh units.
-    far: f64,
     /// Row-major; zero where there is no surface.
     nearness: Vec<f32>,
 }
@@ -103,7 +100,8 @@ impl ShadowMaps {
         let (lifted, face) = match &self.faces[..] {
             [only] => (Lifted::new(only, &self.options, receiver, to_light), only),
             six => {
-                let towards = |position: Vec3| &six[cube_face(position.as_dvec3() - six[0].view.origin)];
+                let towards =
+                    |position: Vec3| &six[cube_face(position.as_dvec3() - six[0].fitted.view.origin)];
                 let lifted = Lifted::new(towards(receiver.position), &self.options, receiver, to_light);
                 // The lift may lead across a face's border.
                 let face = lifted.map_or(&six[0], |lifted| towards(lifted.position));
@@ -122,31 +120,6 @@ fn cube_face(direction: DVec3) -> usize {
     2 * axis + usize::from(direction[axis] < 0.0)
 }
 
-impl ShadowFace {
-    /// The map's measure of a depth, larger for what is nearer: positive up to the far end and some way beyond.
-    fn nearness_of(&self, depth: f64) -> f64 {
-        match self.view.spread() {
-            Spread::Perspective => 1.0 / depth,
-            Spread::Parallel => 1.0 + (self.far - depth) / self.far,
-        }
-    }
-
-    fn depth_of(&self, nearness: f64) -> f64 {
-        match self.view.spread() {
-            Spread::Perspective => 1.0 / nearness,
-            Spread::Parallel => self.far * (2.0 - nearness),
-        }
-    }
-
-    /// Change of the nearness per unit of depth (positive: per unit towards the lamp).
-    fn nearness_per_depth(&self, depth: f64) -> f64 {
-        match self.view.spread() {
-            Spread::Perspective => 1.0 / (depth * depth),
-            Spread::Parallel => 1.0 / self.far,
-        }
-    }
-}
-
 // Drawing a map: the nearest surface under the middle of every texel.
 
 /// What lets more light through than this casts no shadow.
@@ -154,8 +127,7 @@ const MIN_ALPHA: f32 = 0.5;
 
 /// Draws one map. Both sides of every triangle that casts shadows do; layered ones where their alpha is at least a half.
 fn draw_face(fitted: FittedView, resolution: u32, mesh: &Mesh, surface: &dyn Surface) -> ShadowFace {
-    let FittedView { view, far } = fitted;
-    let mut face = ShadowFace { view, resolution, far, nearness: Vec::new() };
+    let mut face = ShadowFace { fitted, resolution, nearness: Vec::new() };
     let grid = TileGrid { size: [resolution; 2] };
     let pattern = SamplePattern::new(1);
     let caster = Caster { face: &face, mesh, surface };
@@ -205,7 +177,7 @@ impl Caster<'_> {
     /// Screen-homogeneous coordinates in texels.
     fn projected(&self, p_mesh: Vec3) -> DVec3 {
         let side = f64::from(self.face.resolution);
-        self.face.view.homogeneous(p_mesh) * DVec3::new(side, side, 1.0)
+        self.face.fitted.view.homogeneous(p_mesh) * DVec3::new(side, side, 1.0)
     }
 
     fn add(&self, triangle: usize, out: &mut Vec<Primitive>) {
@@ -221,16 +193,18 @@ impl Caster<'_> {
         if beside {
             return;
         }
-        let near = match self.face.view.spread() {
-            Spread::Perspective => self.face.far * 1e-4,
-            Spread::Parallel => 0.5,
+        let fitted = &self.face.fitted;
+        let (polygon, parallel_depth) = match fitted.view.spread() {
+            Spread::Perspective => (clip(corners, fitted.near()), None),
+            Spread::Parallel => {
+                let plane = DepthPlane::new(corners, positions.map(|p| fitted.view.project(p).depth));
+                // What lies behind the lamp casts no shadow.
+                (clip(corners, 0.5).clipped(plane.homogeneous(), fitted.near()), Some(plane))
+            }
         };
-        let polygon = clip(corners, near);
-        let parallel_depth = (self.face.view.spread() == Spread::Parallel)
-            .then(|| DepthPlane::new(corners, positions.map(|p| self.face.view.project(p).depth)));
         let nearness = |h: DVec3| {
             let depth = parallel_depth.as_ref().map_or(h.z, |plane| plane.at(screen(h)));
-            self.face.nearness_of(depth) as f32
+            fitted.nearness_of(depth) as f32
         };
         let layered = self.surface.coverage(triangle) == Coverage::Layered;
         for pair in polygon.corners().get(1..).unwrap_or(&[]).windows(2) {
@@ -283,12 +257,12 @@ impl Caster<'_> {
         let [lambda, dx, dy] = ScreenBarycentrics::new(projected, Interpolation::Perspective).at(texel);
         let at = SurfacePoint { triangle: fragment.triangle, lambda };
         let [a, b, c] = corners;
-        let to_lamp = match self.face.view.spread() {
+        let to_lamp = match self.face.fitted.view.spread() {
             Spread::Perspective => {
                 let p = at.interpolate(corners);
-                (self.face.view.origin - p.as_dvec3()).as_vec3().normalize_or(Vec3::Y)
+                (self.face.fitted.view.origin - p.as_dvec3()).as_vec3().normalize_or(Vec3::Y)
             }
-            Spread::Parallel => -self.face.view.forward().as_vec3(),
+            Spread::Parallel => -self.face.fitted.view.forward().as_vec3(),
         };
         let front = (b - a).cross(c - a).dot(to_lamp) >= 0.0;
         self.surface.alpha(&Hit { at, lambda_steps: [dx, dy], front, to_eye: to_lamp })
@@ -314,6 +288,11 @@ impl DepthPlane {
 
     fn at(&self, p: DVec2) -> f64 {
         self.depth + self.slope.dot(p - self.origin)
+    }
+
+    /// What times `(x, y, 1)` is the depth.
+    fn homogeneous(&self) -> DVec3 {
+        self.slope.extend(self.depth - self.slope.dot(self.origin))
     }
 }
 
@@ -350,14 +329,14 @@ fn face_visibility(
         Penumbra::Sharp => 0.0,
         Penumbra::Even(half_width) => half_width * mesh_per_world / texel,
         Penumbra::Lamp(size) => {
-            let size = match face.view.spread() {
+            let size = match face.fitted.view.spread() {
                 Spread::Perspective => f64::from(size * mesh_per_world),
                 Spread::Parallel => f64::from(size),
             };
             let search = Vec2::splat(asked.widest_penumbra(face, size) as f32 / texel).max(pixel);
             let Some(blocker) = asked.mean_blocker_depth(face, search) else { return 1.0 };
             let gap = (asked.depth - blocker).max(0.0);
-            let width = match face.view.spread() {
+            let width = match face.fitted.view.spread() {
                 Spread::Perspective => size * gap / blocker,
                 Spread::Parallel => size * gap,
             };
@@ -380,11 +359,12 @@ struct Lifted {
 impl Lifted {
     /// `None` behind the lamp. `face` is the one that sees the receiver.
     fn new(face: &ShadowFace, options: &ShadowOptions, receiver: &Receiver, to_light: Vec3) -> Option<Self> {
-        let straight = face.view.project(receiver.position);
+        let straight = face.fitted.view.project(receiver.position);
         if straight.w <= 0.0 || straight.depth <= 0.0 {
             return None;
         }
-        let texel_width = face.view.extent_at(straight.depth).max_element() / f64::from(face.resolution);
+        let texel_width =
+            face.fitted.view.extent_at(straight.depth).max_element() / f64::from(face.resolution);
         let cosine = receiver.normal.dot(to_light).clamp(0.0, 1.0);
         let lift = options.normal_offset * (1.0 - cosine * cosine).sqrt() * texel_width as f32;
         Some(Self { position: receiver.position + receiver.normal * lift, texel_width })
@@ -415,23 +395,19 @@ impl Asked {
         to_light: Vec3,
     ) -> Option<Self> {
         let side = f64::from(face.resolution);
-        let projected = face.view.project(lifted);
+        let projected = face.fitted.view.project(lifted);
         let inside = (projected.uv - 0.5).abs().max_element() <= 0.5;
         if !inside || projected.w <= 0.0 || projected.depth <= 0.0 {
             return None;
         }
         let depth = (projected.depth - f64::from(options.bias) * texel_width).max(projected.depth * 0.5);
-        let nearness = face.nearness_of(depth);
-        let steepest = MAX_STEEPNESS * texel_width * face.nearness_per_depth(depth);
+        let nearness = face.fitted.nearness_of(depth);
+        let steepest = MAX_STEEPNESS * texel_width * face.fitted.nearness_per_depth(depth);
         // A facet that is turned away from the lamp says nothing about the surface that the lamp sees.
         let faces_lamp = receiver.facet_normal.dot(to_light) > 0.0;
         let slope = if faces_lamp {
-            let plane = face.view.plane_slope(lifted.as_dvec3(), receiver.facet_normal.as_dvec3());
-            let per_texel = match face.view.spread() {
-                Spread::Perspective => plane / side,
-                Spread::Parallel => -plane / (side * face.far),
-            };
-            per_texel.clamp(DVec2::splat(-steepest), DVec2::splat(steepest))
+            let plane = face.fitted.nearness_slope(lifted.as_dvec3(), receiver.facet_normal.as_dvec3());
+            (plane / side).clamp(DVec2::splat(-steepest), DVec2::splat(steepest))
         } else {
             DVec2::ZERO
         };
@@ -440,7 +416,7 @@ impl Asked {
     }
 
     fn texels(&self, face: &ShadowFace, step: Vec3) -> Vec2 {
-        face.view.step(&self.projected, step) * face.resolution as f32
+        face.fitted.view.step(&self.projected, step) * face.resolution as f32
     }
 
     /// The share of the filter's box in which nothing is nearer than the receiver's plane, continuous in the box's place and size.
@@ -455,9 +431,9 @@ impl Asked {
 
     /// Half width of the widest penumbra that can fall here, mesh units.
     fn widest_penumbra(&self, face: &ShadowFace, size: f64) -> f64 {
-        match face.view.spread() {
+        match face.fitted.view.spread() {
             Spread::Perspective => size,
-            Spread::Parallel => size * self.depth.min(face.far),
+            Spread::Parallel => size * self.depth.min(face.fitted.far),
         }
     }
 
@@ -466,7 +442,7 @@ impl Asked {
         let (mut sum, mut total) = (0.0, 0.0);
         self.for_each_texel(face, radius, |nearest, own, weight| {
             if f64::from(nearest) > own {
-                sum += face.depth_of(f64::from(nearest)) * f64::from(weight);
+                sum += face.fitted.depth_of(f64::from(nearest)) * f64::from(weight);
                 total += f64::from(weight);
             }
         });

@@ -28,17 +28,42 @@ pub struct Camera {
 /// Share of the picture that a framed model fills.
 const FRAMING_FILL: f64 = 0.92;
 
-/// Opening angle of framed pictures: long enough a lens to show proportions as they are.
-const FRAMING_FOV_DEGREES: f64 = 35.0;
+/// What a camera can show whole.
+pub trait Framed {
+    /// The largest value over all points, world space, of each of some functions; minus infinity without points. Each takes its largest value
+    /// over a box at a corner, if all of the box lies before the eye.
+    fn maxima<const N: usize>(&mut self, functions: impl Fn(DVec3) -> [f64; N]) -> [f64; N];
+}
+
+/// Points, each of which is asked.
+struct Points<I>(I);
+
+impl<I: Iterator<Item = DVec3> + Clone> Framed for Points<I> {
+    fn maxima<const N: usize>(&mut self, functions: impl Fn(DVec3) -> [f64; N]) -> [f64; N] {
+        maxima_of(self.0.clone(), functions)
+    }
+}
+
+/// [`Framed::maxima`] of points.
+pub fn maxima_of<const N: usize>(
+    points: impl Iterator<Item = DVec3>,
+    functions: impl Fn(DVec3) -> [f64; N],
+) -> [f64; N] {
+    let larger = |a: [f64; N], b: [f64; N]| std::array::from_fn(|i| a[i].max(b[i]));
+    points.map(functions).fold([f64::NEG_INFINITY; N], larger)
+}
 
 impl Camera {
+    /// Opening angle of framed pictures: long enough a lens to show proportions as they are.
+    pub const FRAMING_FOV_DEGREES: f64 = 35.0;
+
     /// Direction from the model to the camera of a three-quarter view: from the front (+z), the right and above.
     pub const THREE_QUARTER: DVec3 = DVec3::new(0.62, 0.45, 1.0);
 
     /// A camera that looks at a mesh from `direction` (from the mesh to the camera) and shows it whole and as large as
     /// possible. `aspect` is width / height.
     pub fn framing_mesh(mesh: &Mesh, direction: DVec3, aspect: f64) -> Self {
-        Self::framing_mesh_with(mesh, direction, aspect, DVec3::Y, FRAMING_FOV_DEGREES)
+        Self::framing_mesh_with(mesh, direction, aspect, DVec3::Y, Self::FRAMING_FOV_DEGREES)
     }
 
     /// As [`Camera::framing_mesh`], with `up` upwards in the picture and another opening angle.
@@ -50,7 +75,7 @@ impl Camera {
         fov_degrees: f64,
     ) -> Self {
         let points = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p));
-        Self::framing(points, direction, aspect, up, fov_degrees)
+        Self::framing(&mut Points(points), direction, aspect, up, fov_degrees)
     }
 
     /// As [`Camera::framing_mesh`], for points.
@@ -59,16 +84,18 @@ impl Camera {
         direction: DVec3,
         aspect: f64,
     ) -> Self {
-        Self::framing(points, direction, aspect, DVec3::Y, FRAMING_FOV_DEGREES)
+        Self::framing(&mut Points(points), direction, aspect, DVec3::Y, Self::FRAMING_FOV_DEGREES)
     }
 
-    /// The camera whose frustum, looking along `-direction`, touches the points from two sides or all.
+    /// As [`Camera::framing_mesh_with`], for whatever tells where its outermost points are.
+    ///
+    /// The camera's frustum, looking along `-direction`, touches the points from two sides or all.
     ///
     /// In a frame with z along `direction`, a point is left of the right frustum plane of an eye at `e` if
     /// `x - e.x <= t (e.z - z)`. Each of the four planes thus asks for the largest `+-x + t z` (or y); the two
     /// opposite ones together give the eye's distance and its centre.
-    fn framing(
-        points: impl Iterator<Item = DVec3> + Clone,
+    pub fn framing(
+        shape: &mut impl Framed,
         direction: DVec3,
         aspect: f64,
         up: DVec3,
@@ -77,25 +104,27 @@ impl Camera {
         let direction = direction.try_normalize().unwrap_or(DVec3::Z);
         let world_from_view = view_axes(direction, up.normalize_or(DVec3::Y));
         let view_from_world = world_from_view.transpose();
-        let points = points.map(|p| view_from_world * p);
         let half = (fov_degrees.to_radians() * 0.5).tan() * FRAMING_FILL;
         let tangents = DVec2::new(half * aspect, half);
-        let mut high = DVec2::splat(f64::NEG_INFINITY);
-        let mut low = high;
-        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for p in points.clone() {
-            high = high.max(p.truncate() + tangents * p.z);
-            low = low.max(-p.truncate() + tangents * p.z);
-            (min, max) = (min.min(p), max.max(p));
-        }
-        let (back, front) = (min.z, max.z);
+        let [right, top, left, bottom] = shape.maxima(|p| {
+            let p = view_from_world * p;
+            let (high, low) = (p.truncate() + tangents * p.z, -p.truncate() + tangents * p.z);
+            [high.x, high.y, low.x, low.y]
+        });
+        let (high, low) = (DVec2::new(right, top), DVec2::new(left, bottom));
+        let [x, y, front, min_x, min_y, min_z] = shape.maxima(|p| {
+            let p = view_from_world * p;
+            [p.x, p.y, p.z, -p.x, -p.y, -p.z]
+        });
+        let (min, max) = (-DVec3::new(min_x, min_y, min_z), DVec3::new(x, y, front));
         let (eye, middle_z) = if front.is_finite() {
             let distances = (high + low) / (2.0 * tangents);
             let eye_z = distances.max_element().max(front + smallest_gap(min, max));
-            let middle_z = 0.5 * (back + front);
+            let middle_z = 0.5 * (min.z + front);
             // Between these all points are within the frustum.
             let sides = [high - tangents * eye_z, tangents * eye_z - low];
-            (centred_eye(points, ((high - low) * 0.5).extend(eye_z), middle_z, sides), middle_z)
+            let eye = ((high - low) * 0.5).extend(eye_z);
+            (centred_eye(shape, view_from_world, eye, middle_z, sides), middle_z)
         } else {
             (DVec3::Z * 3.0, 0.0)
         };
@@ -158,18 +187,19 @@ fn smallest_gap(min: DVec3, max: DVec3) -> f64 {
 /// Moves an eye (looking along -z) sideways until the points' picture has equal margins on opposite sides: where the
 /// points touch the frustum on both sides they have, elsewhere the depth of the points shifts it a little. It stays between `sides`.
 fn centred_eye(
-    points: impl Iterator<Item = DVec3> + Clone,
+    shape: &mut impl Framed,
+    view_from_world: DMat3,
     mut eye: DVec3,
     middle_z: f64,
     sides: [DVec2; 2],
 ) -> DVec3 {
     for _ in 0..3 {
-        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-        for p in points.clone() {
+        let [x, y, min_x, min_y] = shape.maxima(|p| {
+            let p = view_from_world * p;
             let seen = (p - eye).truncate() / (eye.z - p.z);
-            (low, high) = (low.min(seen), high.max(seen));
-        }
-        let moved = eye.truncate() + (low + high) * 0.5 * (eye.z - middle_z);
+            [seen.x, seen.y, -seen.x, -seen.y]
+        });
+        let moved = eye.truncate() + (DVec2::new(x, y) - DVec2::new(min_x, min_y)) * 0.5 * (eye.z - middle_z);
         eye = moved.max(sides[0]).min(sides[1]).extend(eye.z);
     }
     eye

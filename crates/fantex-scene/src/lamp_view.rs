@@ -1,7 +1,7 @@
 //! The scene as a lamp sees it: the projection of cookies and of shadow maps. Mesh space.
 
 use fantex_mesh::WorldFromMesh;
-use glam::{DMat3, DMat4, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec2, Vec3};
 
 use crate::{Lens, LightKind, Projector, SpotLight, view_axes};
 
@@ -122,15 +122,75 @@ impl LampView {
     }
 }
 
-// Where a lamp's shadow maps look.
+// Where a lamp's shadow maps look, and what they hold.
+
+/// The near end of a view from a point as a share of the largest depth.
+const NEAREST_SHARE: f64 = 1e-4;
 
 /// A view and the largest depth that it meets, mesh units.
+///
+/// Its map holds how near surfaces are to the lamp: 1 at the near end, 0 at the far end of parallel light and infinitely far from a point.
+/// What is nearer than 1 casts no shadow. On every plane nearness is linear over the map.
 #[derive(Clone, Copy, Debug)]
 pub struct FittedView {
     /// Where the map looks.
     pub view: LampView,
     /// Largest depth of the scene.
     pub far: f64,
+}
+
+impl FittedView {
+    /// The depth of the near end, mesh units.
+    pub fn near(&self) -> f64 {
+        match self.view.spread {
+            Spread::Perspective => self.far * NEAREST_SHARE,
+            Spread::Parallel => 0.0,
+        }
+    }
+
+    /// The nearness of a depth.
+    pub fn nearness_of(&self, depth: f64) -> f64 {
+        match self.view.spread {
+            Spread::Perspective => self.near() / depth,
+            Spread::Parallel => (self.far - depth) / self.far,
+        }
+    }
+
+    /// The depth of a nearness.
+    pub fn depth_of(&self, nearness: f64) -> f64 {
+        match self.view.spread {
+            Spread::Perspective => self.near() / nearness,
+            Spread::Parallel => self.far * (1.0 - nearness),
+        }
+    }
+
+    /// Change of the nearness per unit of depth towards the lamp.
+    pub fn nearness_per_depth(&self, depth: f64) -> f64 {
+        match self.view.spread {
+            Spread::Perspective => self.near() / (depth * depth),
+            Spread::Parallel => 1.0 / self.far,
+        }
+    }
+
+    /// Change of the nearness over the width and the height of the map on the plane through `p` with the given normal.
+    pub fn nearness_slope(&self, p: DVec3, normal: DVec3) -> DVec2 {
+        let plane = self.view.plane_slope(p, normal);
+        match self.view.spread {
+            Spread::Perspective => plane * self.near(),
+            Spread::Parallel => -plane / self.far,
+        }
+    }
+
+    /// From mesh to clip space of the map, y upwards; depth there is the nearness.
+    pub fn clip_from_mesh(&self) -> DMat4 {
+        let matrix = self.view.matrix();
+        let [u, v, w, depth] = [0, 1, 2, 3].map(|row| matrix.row(row));
+        let z = match self.view.spread {
+            Spread::Perspective => DVec4::W * self.near(),
+            Spread::Parallel => w - depth / self.far,
+        };
+        DMat4::from_cols(u * 2.0 - w, w - v * 2.0, z, w).transpose()
+    }
 }
 
 /// Forward and up of the six views of a point light: +x, -x, +y, -y, +z, -z.
@@ -220,6 +280,8 @@ fn parallel(forward: DVec3, casters: impl Iterator<Item = Vec3>) -> FittedView {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::Random;
+
     use super::*;
 
     fn views() -> [LampView; 2] {
@@ -239,6 +301,44 @@ mod tests {
             let [right, up, _] = view.axes;
             let seen = view.project(on_axis + (right * corner.x - up * corner.y).as_vec3());
             assert!((seen.uv - 1.0).length() < 1e-6, "{seen:?}");
+        }
+    }
+
+    /// Of the matrix that graphics cards are given, of depths, and over a plane.
+    #[test]
+    fn nearness_is_one_measure() {
+        let mut random = Random::new(3);
+        let mut point = || DVec3::from_array(std::array::from_fn(|_| 6.0 * random.unit() - 3.0));
+        for view in views() {
+            let fitted = FittedView { view, far: 9.0 };
+            for _ in 0..200 {
+                let (p, aside) = (point().as_vec3(), point().as_vec3());
+                let seen = view.project(p);
+                if seen.depth < 0.1 {
+                    continue;
+                }
+                let nearness = fitted.nearness_of(seen.depth);
+                let tolerance = 1e-9 * nearness.max(1.0);
+                let clip = fitted.clip_from_mesh() * p.as_dvec3().extend(1.0);
+                assert!((clip.z / clip.w - nearness).abs() < tolerance, "{clip} {nearness}");
+                let uv = (clip.truncate().truncate() / clip.w * DVec2::new(0.5, -0.5)) + 0.5;
+                assert!((uv - seen.uv).length() < 1e-9 * seen.uv.length().max(1.0), "{uv} {seen:?}");
+                assert!((fitted.depth_of(nearness) - seen.depth).abs() < 1e-9 * seen.depth.max(1.0));
+                let step = 1e-5 * seen.depth;
+                let change = fitted.nearness_of(seen.depth - step) - nearness;
+                let expected = fitted.nearness_per_depth(seen.depth) * step;
+                assert!((change / expected - 1.0).abs() < 1e-3, "{change} {expected}");
+                // A plane through both points.
+                let normal = point().cross((aside - p).as_dvec3()).normalize();
+                let there = view.project(aside);
+                if there.depth < 0.1 {
+                    continue;
+                }
+                let change = fitted.nearness_of(there.depth) - nearness;
+                let expected = fitted.nearness_slope(p.as_dvec3(), normal) * (there.uv - seen.uv);
+                let rounding = 1e-6 * expected.abs().element_sum();
+                assert!((change - expected.element_sum()).abs() < rounding + 1e-9, "{change} {expected}");
+            }
         }
     }
 

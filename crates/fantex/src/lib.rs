@@ -112,6 +112,7 @@ mod world_change;
 mod world_check;
 #[cfg(feature = "export")]
 mod world_export;
+mod world_framing;
 mod world_scene;
 
 pub use asset::{Asset, FileKind};
@@ -150,6 +151,7 @@ pub use world_change::{WorldChange, WorldChanged, change_world};
 pub use world_check::{ObjectReport, WorldReport, verify_world};
 #[cfg(feature = "export")]
 pub use world_export::{export_world, export_world_fans};
+pub use world_framing::frame_world;
 pub use world_scene::{WorldScene, WorldSurface};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,

@@ -12,7 +12,7 @@ use fantex_render::{
 use fantex_scene::Camera;
 use fantex_store::{Damage, PageCache};
 use fantex_stream::{ObjectDetail, StreamView, ViewObject, choose_objects, open_asset};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 use crate::World;
 use crate::joined::{FirstTriangles, JoinedMesh};
@@ -102,18 +102,6 @@ impl WorldScene {
             scene.add(PageCache::new(Arc::new(asset), cache_bytes as usize));
         }
         Ok(scene)
-    }
-
-    /// The corners of the boxes of a world's objects, as a mesh without triangles: what a camera shows whole that shows all objects.
-    pub fn boxes(world: &World, world_from_mesh: WorldFromMesh) -> Mesh {
-        let corners = world.objects.iter().flat_map(|object| {
-            (0..8).map(move |bits| {
-                let side =
-                    |axis: usize| if bits >> axis & 1 == 0 { object.low[axis] } else { object.high[axis] };
-                world_from_mesh.inverse_point(DVec3::from_array(std::array::from_fn(side)))
-            })
-        });
-        Mesh { positions: corners.collect(), world_from_mesh, ..Mesh::default() }
     }
 
     fn add(&mut self, cache: PageCache) {

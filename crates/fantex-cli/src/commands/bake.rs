@@ -213,6 +213,9 @@ impl From<&PhotoReport> for PhotosInfo {
 
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
     match args.shard {
+        Some(_) if context.is_seed_asked => Err(Error::invalid(
+            "--seed is in the plan, which decides what its parts hold; leave it out, or plan anew with it",
+        )),
         Some(shard) => plan::bake_shard(&args.job.model, shard, &args.job.output, context),
         None if is_model(&args.job.output) => bake_model(&args.job, context),
         None => context.print(&bake(&args.job, &args.job.output, &Goal::Asset, context.seed, context)?, text),
@@ -315,7 +318,7 @@ fn with_job<T>(
         )));
     }
     context.check_target_of(output, [args.model.as_path()])?;
-    if context.force && matches!(goal, Goal::Asset) {
+    if context.force {
         // Who edits it is told of before any work is done.
         drop(WriterLock::of_replaced(output)?);
     }

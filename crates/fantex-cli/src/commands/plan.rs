@@ -119,7 +119,7 @@ pub(crate) fn bake_shard(path: &Path, shard: Shard, output: &Path, context: &Con
             .context(format!("{} was made in {folder}, where its model is looked for", path.display()))
     })?;
     let goal = Goal::Part(&plan, shard);
-    let mut info = bake::bake(&planned.job, &place, &goal, cli.common.seed, context).map_err(of_files)?;
+    let mut info = bake::bake(&planned.job, &place, &goal, cli.common.seed(), context).map_err(of_files)?;
     info.output = output.into();
     context.print(&info, |info| {
         let Shard { number, count } = shard;

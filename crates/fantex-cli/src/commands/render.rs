@@ -12,17 +12,16 @@ use fantex::gpu::{
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
-use fantex::mesh::Mesh;
 use fantex::render::{Background, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
-use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene};
+use fantex::{Error, FileKind, Result, StreamedWorld, World, WorldOptions, WorldScene, frame_world};
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape, portrait,
+    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape,
     report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
@@ -132,7 +131,10 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
             args.file.display()
         )));
     }
-    let camera = camera(args, scene.mesh(), &options);
+    let mesh = scene.mesh();
+    let camera = camera(args, mesh.world_from_mesh.offset, |fov| {
+        Ok(Camera::framing_mesh_with(mesh, Camera::THREE_QUARTER, aspect(&options), DVec3::Y, fov))
+    })?;
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
     let (picture, info) = if args.gpu {
@@ -194,8 +196,10 @@ fn render_world(args: &RenderArgs, options: &RenderOptions, context: &Context) -
     let world = World::open(&args.file)?;
     let space = world.space_to_show(&args.file)?;
     context.check_output(&args.output)?;
-    let bounds = WorldScene::boxes(&world, space);
-    let (size, camera) = ([options.width, options.height], camera(args, &bounds, options));
+    let size = [options.width, options.height];
+    let camera = camera(args, space.offset, |fov| {
+        frame_world(&args.file, &world, Camera::THREE_QUARTER, aspect(options), fov)
+    })?;
     if let Some(defect) = camera.defect() {
         return Err(Error::invalid(format!("the camera cannot take a picture: {defect}")));
     }
@@ -268,20 +272,15 @@ fn text(info: &RenderInfo) -> String {
     format!("{}: {width} x {height} pixels, {triangles}, {how}, {seconds:.2} s", output.display())
 }
 
-/// The camera that was asked for; what was not is taken from the view that shows the whole model.
-fn camera(args: &RenderArgs, mesh: &Mesh, options: &RenderOptions) -> Camera {
-    let (view, up) = (Camera::THREE_QUARTER, DVec3::Y);
-    let framed = match args.fov {
-        Some(fov) => Camera::framing_mesh_with(mesh, view, aspect(options), up, fov),
-        None => portrait(mesh, options),
-    };
-    let center = mesh.world_from_mesh.offset;
-    let target = args.target.unwrap_or(center);
-    match (args.eye, args.target) {
-        (Some(eye), _) => Camera { eye, target, up, ..framed },
-        (None, Some(_)) => Camera { target, up, ..framed },
-        (None, None) => framed,
-    }
+/// The camera that was asked for; what was not is taken from the view that shows the whole model, by its opening angle.
+fn camera(args: &RenderArgs, center: DVec3, framed: impl FnOnce(f64) -> Result<Camera>) -> Result<Camera> {
+    let fov_degrees = args.fov.unwrap_or(Camera::FRAMING_FOV_DEGREES);
+    let (target, up) = (args.target.unwrap_or(center), DVec3::Y);
+    Ok(match (args.eye, args.target) {
+        (Some(eye), _) => Camera { eye, target, up, fov_degrees },
+        (None, Some(_)) => Camera { target, up, ..framed(fov_degrees)? },
+        (None, None) => framed(fov_degrees)?,
+    })
 }
 
 /// Writes a picture: in linear light where the format holds it, else in sRGB.

@@ -45,6 +45,9 @@ pub(crate) fn start(
     memory_bytes: Option<u64>,
     context: &Context,
 ) -> Result<ExitCode> {
+    if let Some(flag) = context.flag_not_for_windows() {
+        return Err(Error::invalid(format!("{flag} has no meaning for a window; leave it out")));
+    }
     let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
     let path = std::env::var_os("PATH").unwrap_or_default();
     let viewer = find(beside.as_deref(), &path).ok_or_else(|| {

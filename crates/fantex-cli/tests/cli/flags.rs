@@ -30,6 +30,13 @@ fn flags_without_an_effect_are_refused() {
         (["--shard", "--format"], "bake IN/a.plan --shard 1/2 -o IN/1.part --format bc1"),
         (["--shard", "--fit"], "bake IN/a.plan --shard 1/2 -o IN/1.part --fit box"),
         (["--shard", "--quality"], "bake IN/a.plan --shard 1/2 -o IN/1.part --quality basic"),
+        (["--seed", "in the plan"], "bake IN/a.plan --shard 1/2 -o IN/1.part --seed 3"),
+        (["--seed", "in the plan"], "--seed 1 bake IN/a.plan --shard 1/2 -o IN/1.part"),
+        (["--json", "a window"], "--json view IN/a.ply"),
+        (["--quiet", "a window"], "--quiet view IN/a.ply"),
+        (["--strict", "a window"], "--strict view IN/a.ply"),
+        (["--force", "a window"], "paint IN/a.ply --force"),
+        (["--seed", "a window"], "paint IN/a.ply --seed 1"),
         (["--quality", "BC7"], "bake IN/a.ply -o IN/a.fan --format bc1 --quality basic"),
         (["--quality", "BC7"], "generate landscape -o IN/a.fan --format rgba8 --quality basic"),
         (["--format", "no texels"], "generate landscape -o IN/b.ply --format bc1"),
@@ -83,10 +90,12 @@ fn what_is_painted_on_an_asset_does_not_go_with_it() {
     succeeds(&[&[&"plan" as &dyn AsRef<OsStr>, &model, &"-o", &plan][..], &size].concat());
     succeeds(&[&"bake", &plan, &"--shard", &"1/1", &"-o", &part]);
     let before = (files(folder.path()), std::fs::read(&asset).unwrap());
-    let commands: [&[&dyn AsRef<OsStr>]; 3] = [
+    let commands: [&[&dyn AsRef<OsStr>]; 5] = [
         &[&"bake", &model, &"--texels", &"2k"],
         &[&"merge", &plan, &part],
         &[&"paint", &other, &"--alpha", &"blend"],
+        &[&"plan", &model, &"--texels", &"2k"],
+        &[&"bake", &plan, &"--shard", &"1/1"],
     ];
     let lock = WriterLock::acquire(&asset).unwrap();
     for command in commands {

@@ -8,7 +8,7 @@ use fantex_scene::{
     Cookie, Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions,
     SpotLight, Spread, lamp_views, projector_view,
 };
-use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
@@ -163,9 +163,6 @@ fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
 
 // Shadow maps: where they look, their texture, when they must be drawn again.
 
-/// The near plane of a lamp as a share of the farthest depth.
-const NEAREST_SHARE: f64 = 1e-4;
-
 #[derive(Debug)]
 pub(crate) struct ShadowFace {
     pub(super) record: ShadowFaceRecord,
@@ -289,10 +286,6 @@ impl ShadowMaps {
         mesh_per_world: f32,
     ) -> ShadowFace {
         let FittedView { view, far } = fitted;
-        let near = match view.spread() {
-            Spread::Perspective => (far * NEAREST_SHARE) as f32,
-            Spread::Parallel => 0.0,
-        };
         let [right, up] = view.sides().map(|side| side.as_vec3());
         let half = view.half_extent().as_vec2();
         let (penumbra, penumbra_width) = match (options.penumbra(), view.spread()) {
@@ -301,9 +294,8 @@ impl ShadowMaps {
             (Penumbra::Lamp(size), Spread::Perspective) => (2, size * mesh_per_world),
             (Penumbra::Lamp(tangent), Spread::Parallel) => (2, tangent),
         };
-        let map_from_mesh = view.matrix().as_mat4();
         let record = ShadowFaceRecord {
-            map_from_mesh,
+            map_from_mesh: view.matrix().as_mat4(),
             right,
             half_width: half.x,
             up,
@@ -311,7 +303,7 @@ impl ShadowMaps {
             forward: view.forward().as_vec3(),
             far: *far as f32,
             origin: view.origin.as_vec3(),
-            near,
+            near: fitted.near() as f32,
             resolution: options.resolution as f32,
             layer,
             bias: options.bias,
@@ -327,7 +319,7 @@ impl ShadowMaps {
             array_layer_count: Some(1),
             ..Default::default()
         });
-        let clip_from_mesh = clip_from_mesh(map_from_mesh, near, *far as f32);
+        let clip_from_mesh = fitted.clip_from_mesh().as_mat4();
         let is_first = at == [0, 0];
         ShadowFace { record, clip_from_mesh, target, is_first, at, resolution: options.resolution }
     }
@@ -361,14 +353,6 @@ fn map_places(sides: &[u32]) -> (Vec<MapPlace>, u32) {
         layers += count.div_ceil(columns * columns);
     }
     (places, layers)
-}
-
-/// From mesh to clip space of a map. Depth becomes `near / depth`, or without a near plane (of parallel light) the distance
-/// from the far end over the whole depth.
-fn clip_from_mesh(map_from_mesh: Mat4, near: f32, far: f32) -> Mat4 {
-    let [u, v, w, depth] = [0, 1, 2, 3].map(|row| map_from_mesh.row(row));
-    let z = if near > 0.0 { Vec4::W * near } else { w - depth / far };
-    Mat4::from_cols(u * 2.0 - w, w - v * 2.0, z, w).transpose()
 }
 
 fn create(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {

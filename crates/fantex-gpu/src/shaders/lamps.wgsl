@@ -116,8 +116,8 @@ fn incoming(lamp_index: u32, at: SurfacePoint) -> Incoming {
     return light;
 }
 
-// A receiver in the terms of a shadow map. Its `nearness` is what the map stores: near / depth, or where light is parallel
-// the distance from the far end over the whole depth; both are linear over the map on every plane.
+// A receiver in the terms of a shadow map. Its `nearness` is what the map stores, as `FittedView` has it: near / depth, or where
+// light is parallel the distance from the far end over the whole depth; both are linear over the map on every plane.
 struct Asked {
     // In texels.
     at: vec2<f32>,

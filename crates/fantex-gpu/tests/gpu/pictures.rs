@@ -312,13 +312,17 @@ fn shadows_on_curved_models() {
 fn projectors() {
     let Some(gpu) = gpu() else { return };
     let image = Arc::new(ImageTexture::new(Arc::new(Image::load(asset("images/brick.png")).unwrap())));
-    for (name, lens) in [
-        ("perspective", Lens::Perspective { fov_degrees: 50.0 }),
-        ("orthographic", Lens::Orthographic { height: 2.5 }),
+    let above = [DVec3::new(-1.0, 3.0, 1.5), DVec3::new(0.3, -1.0, 0.0)];
+    // What lies behind a lamp casts no shadow.
+    let below_the_ball = [DVec3::new(0.6, -0.9, 0.6), DVec3::new(0.9, -1.2, 0.9)];
+    for (name, lens, [position, target]) in [
+        ("perspective", Lens::Perspective { fov_degrees: 50.0 }, above),
+        ("orthographic", Lens::Orthographic { height: 2.5 }, above),
+        ("orthographic-below", Lens::Orthographic { height: 2.5 }, below_the_ball),
     ] {
         let projector = Projector {
-            position: DVec3::new(-1.0, 3.0, 1.5),
-            target: DVec3::new(0.3, -1.0, 0.0),
+            position,
+            target,
             up: DVec3::Y,
             lens,
             aspect: 1.3,

@@ -384,6 +384,37 @@ fn shadows_end_where_they_should() {
 }
 
 #[test]
+fn what_lies_behind_a_projector_casts_no_shadow() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let scene = roof(&floor, &floor, &surface, &surface);
+    // Under the roof.
+    let camera =
+        Camera { eye: DVec3::new(0.0, 0.3, 3.0), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 20.0 };
+    let white = Cookie::Texture(Arc::new(Function(|_: &fantex_texture::ShadingPoint<'_>| Vec4::ONE)));
+    for lens in [Lens::Perspective { fov_degrees: 60.0 }, Lens::Orthographic { height: 2.0 }] {
+        let light = |height: f64, shadow: Option<ShadowOptions>| {
+            let kind = LightKind::Projector(Projector {
+                position: DVec3::Y * height,
+                target: DVec3::ZERO,
+                up: DVec3::NEG_Z,
+                lens,
+                aspect: 1.0,
+                cookie: white.clone(),
+                falloff: Falloff::None,
+            });
+            let lights = lit_by(vec![Light { shadow, ..Light::new(kind, Vec3::ONE) }]);
+            let options = RenderOptions { samples: 1, ..options(Shading::BlinnPhong) };
+            picture(&scene, &camera, &lights, &options).pixel(60, 45)[0]
+        };
+        let shadow = Some(ShadowOptions::default());
+        assert!(light(0.4, None) > 0.1, "{lens:?}");
+        assert_eq!(light(0.4, shadow), light(0.4, None), "{lens:?}");
+        assert_eq!(light(0.6, shadow), 0.0, "{lens:?}");
+    }
+}
+
+#[test]
 fn wide_penumbrae_are_even_ramps() {
     let (floor, square) = (ground(), ground());
     let (below, plate) = (LookSurface::new(&floor, look(matte())), LookSurface::new(&square, look(matte())));

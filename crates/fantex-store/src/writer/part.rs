@@ -17,13 +17,14 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::{exists, persist, temporary_file};
+use fantex_base::files::temporary_file;
 use fantex_base::{Error, Result};
 use rayon::prelude::*;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::{CreateOptions, Cuts, EncodedPage, OpenCluster, PackedCluster, PageStream, Plan, WriteSummary};
+use crate::Replacement;
 use crate::bytes::ByteWriter;
 use crate::directory::ALIGNMENT;
 use crate::header::PART_SIGNATURE;
@@ -56,7 +57,7 @@ impl ItemKind {
 #[derive(Debug)]
 pub struct PartWriter {
     path: PathBuf,
-    force: bool,
+    replacement: Replacement,
     zstd_level: i32,
     identity: u128,
     shard: [u32; 2],
@@ -75,8 +76,8 @@ impl PartWriter {
     /// Creates the temporary file of shard `number` of `count`.
     ///
     /// # Errors
-    /// The file exists and is not to be overwritten, or cannot be written; there is no such shard; the plan was made on a processor whose
-    /// block encoders give other bytes.
+    /// The file exists and is not to be overwritten or is being edited, or cannot be written; there is no such shard; the plan was made on a
+    /// processor whose block encoders give other bytes.
     pub fn create(
         path: &Path,
         options: &CreateOptions,
@@ -86,9 +87,7 @@ impl PartWriter {
     ) -> Result<Self> {
         let groups = plan.shard(number, count)?;
         plan.check_encoders()?;
-        if !options.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path));
-        }
+        let replacement = Replacement::begin(path, options.force)?;
         let io = |source| Error::writing(path, source);
         let mut pages = PageStream::new(path, &plan.cover, &plan.channels, groups.clone());
         for (level, cluster) in pages.open.iter_mut().enumerate() {
@@ -100,7 +99,7 @@ impl PartWriter {
         out.write_all(&[0; HEADER]).map_err(io)?;
         Ok(Self {
             path: path.to_owned(),
-            force: options.force,
+            replacement,
             zstd_level: options.zstd_level,
             identity: plan.identity,
             shard: [number, count],
@@ -141,7 +140,7 @@ impl PartWriter {
         self.write_full(ItemKind::Tail)?;
         let path = self.path.clone();
         let bytes = self.seal(means).map_err(|source| Error::writing(&path, source))?;
-        persist(self.file.into_temp_path(), &self.path, self.force)?;
+        self.replacement.finish(self.file.into_temp_path())?;
         let (pages, unpacked_texel_bytes) = (self.pages.pages, self.pages.bytes);
         Ok(WriteSummary { bytes, pages, unpacked_texel_bytes, ..self.summary })
     }

@@ -3,7 +3,6 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::files::persist;
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Group};
 use fantex_mesh::Mesh;
@@ -14,7 +13,7 @@ use crate::bytes::ByteReader;
 use crate::encoder_print::encoder_fingerprint;
 use crate::error::damaged;
 use crate::header::{FLAG_BARE_PLAN, FLAG_PLAN, Sections, read_any_slot};
-use crate::{ByteSource, Channel, FileSource, channel, cover_section, mesh_section};
+use crate::{ByteSource, Channel, FileSource, Replacement, channel, cover_section, mesh_section};
 
 /// Everything of an asset but its texels.
 ///
@@ -44,7 +43,7 @@ impl Plan {
     /// Writes a plan, whole or not at all; returns its length in bytes.
     ///
     /// # Errors
-    /// The file exists and is not to be overwritten, cannot be written, or the contents break a rule of the format.
+    /// The file exists and is not to be overwritten or is being edited, cannot be written, or the contents break a rule of the format.
     pub fn write(
         path: &Path,
         force: bool,
@@ -55,6 +54,7 @@ impl Plan {
         about: &[u8],
     ) -> Result<u64> {
         check_contents(path, force, mesh, cover, channels)?;
+        let replacement = Replacement::begin(path, force)?;
         let notes = [&encoders_of(channels)?.to_le_bytes()[..], &recipe.encode(), about].concat();
         let write = || {
             let mut file = NewFile::create(path, 1, 0)?;
@@ -65,7 +65,7 @@ impl Plan {
             file.seal(None)
         };
         let (file, bytes) = write().map_err(|source| Error::writing(path, source))?;
-        persist(file.into_temp_path(), path, force)?;
+        replacement.finish(file.into_temp_path())?;
         Ok(bytes)
     }
 
@@ -202,6 +202,7 @@ fn identity(sections: &[&[u8]]) -> u128 {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::files::persist;
     use fantex_cover::{CoverOptions, build_cover};
     use fantex_mesh::generate::cube;
     use fantex_mesh::{CleanOptions, clean};

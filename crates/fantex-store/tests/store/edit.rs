@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use fantex_base::files::temporary_file;
 use fantex_store::{
     Asset, AssetEditor, AssetWriter, Channel, ChannelKind, CreateOptions, EditOptions, EditOutput, PageId,
-    Replacement, TexelFormat, VerifyOptions, decode, is_disk_full, verify, write_all_at,
+    PartWriter, Recipe, Replacement, TexelFormat, VerifyOptions, decode, is_disk_full, verify, write_all_at,
 };
 use fantex_test::fan_file::{seal, set_word};
 
@@ -529,6 +529,32 @@ fn an_asset_that_is_edited_is_not_replaced() {
     refused(replacement.finish(file), "is being edited by another program");
     drop(editor);
     assert!(std::fs::read(&other).unwrap() == std::fs::read(&path).unwrap());
+}
+
+#[test]
+fn plans_and_parts_do_not_replace_what_is_edited_either() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, at) = (small_asset(folder.path()), folder.path().join("at.plan"));
+    let mesh = sheet(2);
+    let (cover, channels) = (fan_cover(&mesh, |_| [16, 12]), plain_channels());
+    let recipe = Recipe::default();
+    let plan = |path: &Path| fantex_store::Plan::write(path, true, &mesh, &cover, &channels, &recipe, b"");
+    plan(&at).unwrap();
+    let planned = fantex_store::Plan::open(&at).unwrap();
+    let options = CreateOptions { force: true, ..CreateOptions::default() };
+    let part = || PartWriter::create(&path, &options, &planned, 1, 1);
+    let there = std::fs::read(&path).unwrap();
+    let open = || AssetEditor::open(&path, &EditOptions::default());
+    let editor = open().unwrap();
+    refused(plan(&path), "is being edited by another program");
+    refused(part(), "is being edited by another program");
+    drop(editor);
+    let writer = part().unwrap();
+    refused(open(), "is being edited by another program");
+    drop(writer);
+    assert!(std::fs::read(&path).unwrap() == there);
+    plan(&path).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing is left");
 }
 
 /// Where no generation can follow, commits would be lost.

@@ -8,10 +8,11 @@ use std::sync::Arc;
 use fantex::base::files::{folder_of, persist_all, temporary_file};
 use fantex::base::uri_escaped;
 use fantex::render::{FilterOptions, RenderOptions};
+use fantex::scene::Camera;
 use fantex::store::{FileSource, PREVIEW};
 use fantex::stream::url_of;
 use fantex::texture::Filter;
-use fantex::{Error, ErrorKind, FileKind, Preview, PreviewOptions, Result, World, WorldScene};
+use fantex::{Error, ErrorKind, FileKind, Preview, PreviewOptions, Result, World, WorldScene, frame_world};
 use fantex_web::Page;
 use serde::Serialize;
 use tempfile::TempPath;
@@ -19,7 +20,7 @@ use tempfile::TempPath;
 use super::ExportArgs;
 use crate::commands::serve::{NO_VIEWER, file_name, path_below, ranges_ahead};
 use crate::context::Context;
-use crate::scene::{Scene, open_asset, photograph, portrait, report_damage};
+use crate::scene::{Scene, aspect, open_asset, photograph, portrait, report_damage};
 use crate::text::{ShownPath, counted, megabytes};
 
 /// Of the preview, in pixels: what services that show links ask for.
@@ -204,7 +205,8 @@ impl Shown {
                 photograph(scene.mesh(), surface.as_ref(), &camera, &options)?.picture
             }
             Self::World(world) => {
-                let camera = portrait(&WorldScene::boxes(world, world.space_to_show(path)?), &options);
+                let (view, fov) = (Camera::THREE_QUARTER, Camera::FRAMING_FOV_DEGREES);
+                let camera = frame_world(path, world, view, aspect(&options), fov)?;
                 let scene = WorldScene::open(path, world, &camera, PREVIEW_SIZE, context.memory_bytes)?;
                 let filter = FilterOptions { filter: Filter::Anisotropic, ..FilterOptions::default() };
                 let surface = scene.surface(filter);
