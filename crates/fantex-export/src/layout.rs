@@ -1,16 +1,16 @@
 //! Where every triangle lies in which picture.
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
-use fantex_mesh::Mesh;
-use glam::Vec2;
+use fantex_base::{Aabb, Error, Result};
+use fantex_mesh::{Mesh, morton};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
 use crate::layout_progress::LayoutProgress;
 use crate::mask::Mask;
-use crate::packing::{Masks, Orders, Place, are_few, pack};
+use crate::packing::{Masks, Orders, Place, are_few, has_strips, pack};
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -81,7 +81,8 @@ impl Page {
 // The picture is divided into blocks of `b x b` texels, `b` a power of two, and every block belongs to one chart at most. A
 // chart gets all blocks within `b / 2` texels of its triangles, and all texels of its blocks are filled with its own colours.
 // At the level at which a texel is the mean of a block, a bilinear look-up at a point of the chart reads the blocks whose
-// centres are around the point; these hold the chart's colours alone, and so do those of all finer levels.
+// centres are around the point; these hold the chart's colours alone, and so do those of all finer levels. Free blocks beside
+// these are the chart's, too: coarser levels read its colours there, not those of unused texels.
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtlasRequest {
@@ -137,7 +138,11 @@ const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
 pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress) -> Result<Layout> {
     let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
     let across = continued(mesh);
-    let charts = charts(mesh, &across, request.texels_per_unit, &step);
+    let mut charts = charts(mesh, &across, request.texels_per_unit, &step);
+    if has_strips(charts.len()) {
+        // Among masks of one size, those of neighbours come together.
+        charts.sort_by_cached_key(|chart| morton(middle(mesh, chart)));
+    }
     step.reach(LayoutProgress::CUT);
     if progress.is_cancelled() {
         return Err(cancelled());
@@ -275,6 +280,12 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     best
 }
 
+/// The middle of the box around a chart's triangles in space.
+fn middle(mesh: &Mesh, chart: &Chart) -> Vec3 {
+    let positions = chart.triangles.iter().flat_map(|&triangle| mesh.triangle_positions(triangle as usize));
+    Aabb::of_points(positions).center()
+}
+
 /// The area of a chart's triangles in their plane, square mesh units.
 fn flat_area(chart: &Chart) -> f64 {
     chart.corners.iter().map(|[a, b, c]| 0.5 * f64::from((*b - *a).perp_dot(*c - *a).abs())).sum()
@@ -316,6 +327,7 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
         let [left, top] = place.at;
         mask.blocks().for_each(|[x, y]| owners[((top + y) * blocks + left + x) as usize] = i);
     }
+    grow(&mut owners, blocks as usize);
     let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
     let mut chart_of = vec![NOBODY; mesh.triangles.len()];
     let mut placed = Vec::with_capacity(mesh.triangles.len());
@@ -350,6 +362,26 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
         charts: charts.len(),
         padding: packed.block,
         texels_per_unit: packed.density,
+    }
+}
+
+/// Gives each free block to the owner of one beside it, in a square of so many columns.
+fn grow(owners: &mut [u32], columns: usize) {
+    // As they were.
+    let (mut above, mut row) = (vec![NOBODY; columns], Vec::new());
+    for first in (0..owners.len()).step_by(columns) {
+        row.clear();
+        row.extend_from_slice(&owners[first..first + columns]);
+        let (here, below) = owners[first..].split_at_mut(columns);
+        let below = below.get(..columns).unwrap_or(&[]);
+        for (x, owner) in here.iter_mut().enumerate().filter(|(_, owner)| **owner == NOBODY) {
+            let [left, right] = [x.wrapping_sub(1), x + 1];
+            let sides = [(&above[..], x), (&row, left), (&row, right), (below, x)];
+            let corners = [(&above[..], left), (&above, right), (below, left), (below, right)];
+            let mut around = sides.into_iter().chain(corners).filter_map(|(row, x)| row.get(x).copied());
+            *owner = around.find(|&other| other != NOBODY).unwrap_or(NOBODY);
+        }
+        std::mem::swap(&mut above, &mut row);
     }
 }
 
@@ -406,7 +438,7 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
     use std::sync::atomic::Ordering::Relaxed;
 
-    use glam::Vec3;
+    use fantex_base::Random;
 
     use super::*;
 
@@ -447,6 +479,51 @@ mod tests {
         assert!(packed.density > 10.0, "{}", packed.density);
         let tries = asked.0.into_inner() as f32 / count as f32;
         assert!(tries <= 12.0, "{tries} densities were tried");
+    }
+
+    /// Levels of the picture mix the colours of pieces from one place, in whatever order the model has them.
+    #[test]
+    fn many_small_charts_lie_beside_their_neighbours() {
+        let mut random = Random::new(4);
+        let mut places: Vec<Vec2> =
+            (0..64 * 64).map(|i| Vec2::new((i % 64) as f32, (i / 64) as f32)).collect();
+        (1..places.len()).rev().for_each(|i| places.swap(i, random.below(1 + i as u64) as usize));
+        let mut mesh = Mesh::default();
+        for (i, place) in (0..).zip(&places) {
+            let at = (0.03 * (*place - 32.0)).extend(0.0);
+            mesh.positions.extend([at, at + 0.02 * Vec3::X, at + 0.02 * Vec3::Y]);
+            mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
+        }
+        let request = AtlasRequest {
+            texels_per_unit: 500.0,
+            texels: None,
+            side: Some(1024),
+            largest_side: 1024,
+            padding: None,
+        };
+        let layout = atlas(&mesh, &request, &Asked::default()).unwrap();
+        let mut squares = std::collections::BTreeMap::<[u32; 2], Vec<Vec2>>::new();
+        for (uv, place) in layout.uv.iter().zip(&places) {
+            squares.entry((uv[0] * 16.0).as_uvec2().to_array()).or_default().push(*place);
+        }
+        let variance = |members: &Vec<Vec2>| {
+            let (count, middle) = (members.len() as f32, members.iter().sum::<Vec2>() / members.len() as f32);
+            members.iter().map(|place| place.distance_squared(middle)).sum::<f32>() / count
+        };
+        let is_close = |members: &&Vec<Vec2>| variance(members) < 0.05 * variance(&places);
+        let close = squares.values().filter(is_close).count();
+        // Not the largest ones, of which there are up to a thousand.
+        assert!(3 * close > squares.len(), "{close} of {}", squares.len());
+    }
+
+    #[test]
+    fn free_blocks_go_to_who_is_beside_them() {
+        const N: u32 = NOBODY;
+        let mut owners =
+            [[N, N, N, N, N], [7, N, N, N, N], [N, N, N, N, N], [N, N, N, N, 3], [N, N, N, N, N]];
+        grow(owners.as_flattened_mut(), 5);
+        let expected = [[7, 7, N, N, N], [7, 7, N, N, N], [7, 7, N, 3, 3], [N, N, N, 3, 3], [N, N, N, 3, 3]];
+        assert_eq!(owners, expected);
     }
 
     /// Needles take padding along their whole length: it does not grow with the picture, which would be nearly empty.

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::cmp::Reverse;
+use std::ops::Range;
 
 use fantex_bake::Progress;
 use fantex_base::Random;
@@ -21,6 +22,10 @@ pub(crate) struct Place {
 /// Of more masks than this only the first way around is tried, from where the last one of its size lies: small ones fit anyhow.
 const MAX_TURNED: usize = 1_000;
 
+/// Masks beside each other, about, in a strip of the square, which small ones fill strip by strip: so those that follow each other lie together,
+/// and levels mix their colours, not those of a whole row.
+const STRIP_MASKS: u32 = 8;
+
 /// Tests of a run at 64 places after which a square is coarsened: a bound for charts that are tried at many places of a large picture, of
 /// which hardly any is free. Some 240 long spirals in 2048 columns take a twelfth.
 const MAX_TESTS: u64 = 1 << 24;
@@ -34,6 +39,11 @@ const MAX_ORDERED_SIDE: u32 = 2048;
 /// Whether so many masks in a square of this side are worth a try in other orders than by size.
 pub(crate) fn are_few(count: usize, side: u32) -> bool {
     (2..=MAX_TURNED).contains(&count) && side <= MAX_ORDERED_SIDE
+}
+
+/// Whether so many masks fill strips of the square, in the order that they are given where they are of one size.
+pub(crate) fn has_strips(count: usize) -> bool {
+    count > MAX_TURNED
 }
 
 /// What is to be packed into a square.
@@ -93,7 +103,7 @@ impl Orders {
             |_, count| count,
             |mask, _| u64::from(mask.width.max(mask.height)),
         ];
-        let used = if masks.masks.len() <= MAX_TURNED { 0..3 } else { 1..2 };
+        let used = if has_strips(masks.masks.len()) { 1..2 } else { 0..3 };
         let mut orders: Vec<(Vec<usize>, Random)> = Vec::new();
         for size in &sizes[used] {
             let mut order: Vec<usize> = (0..masks.masks.len()).collect();
@@ -120,6 +130,13 @@ pub(crate) fn pack(
         return None;
     }
     let in_order = |(order, random): &mut (Vec<usize>, Random)| {
+        // Rows hold a little more now and then.
+        if has_strips(order.len()) {
+            let mut packing = Packing { has_strips: true, ..Packing::new(masks.side, MAX_TESTS) };
+            if let Ok(places) = packing.fill(masks, order) {
+                return Some(places);
+            }
+        }
         for change in 0..=changes {
             match Packing::new(masks.side, MAX_TESTS).fill(masks, order) {
                 Ok(places) => return Some(places),
@@ -169,16 +186,18 @@ struct Packing {
     earlier_tests: u64,
     /// Tests after which the grid is coarsened.
     max_tests: u64,
+    /// Whether small masks fill strips, not rows.
+    has_strips: bool,
 }
 
 impl Packing {
     fn new(side: u32, max_tests: u64) -> Self {
         let (grid, gaps) = (Mask::empty(side, side), vec![side; side as usize]);
-        Self { grid, gaps, shift: 0, tests: 0, earlier_tests: 0, max_tests }
+        Self { grid, gaps, shift: 0, tests: 0, earlier_tests: 0, max_tests, has_strips: false }
     }
 
     /// Each mask the way around in which it reaches down least, at the topmost, then leftmost free place. Where one of a size was placed, another
-    /// one of that size rarely finds a place before it, so each size goes through the square once.
+    /// one of that size rarely finds a place before it, so each size goes through the square once. Small ones may do so strip by strip.
     ///
     /// Where that takes too many tests, the remaining masks lie at every second column and row, then at every fourth, and so on.
     ///
@@ -194,9 +213,11 @@ impl Packing {
             let place = loop {
                 let start = starts[class];
                 let mut pieces = masks.pieces(i, turns, self.shift);
-                let found = self
-                    .find(&mut pieces, start, self.grid.height)
-                    .or_else(|| self.find(&mut pieces, [0, 0], start[1] + 1));
+                let columns = match self.has_strips && number >= MAX_TURNED {
+                    true => self.strip_columns(class),
+                    false => self.grid.width,
+                };
+                let found = self.find_in_strips(&mut pieces, start, columns);
                 if let Some(place) = found {
                     self.stamp(&pieces[usize::from(place.turn)].mask, place.at);
                     break place;
@@ -216,9 +237,38 @@ impl Packing {
         Ok(places)
     }
 
-    /// The free place from a column and row on whose lower edge is topmost, then the leftmost one. Its upper row is before `rows_end`.
-    /// None, too, where the tests are spent.
-    fn find(&mut self, pieces: &mut [Piece<'_>], from: [u32; 2], rows_end: u32) -> Option<Place> {
+    /// The free place from a column and row on, or before them, in strips of so many columns, each from above.
+    fn find_in_strips(&mut self, pieces: &mut [Piece<'_>], start: [u32; 2], columns: u32) -> Option<Place> {
+        let Mask { width, height, .. } = self.grid;
+        let current = start[0] / columns;
+        let onwards = (current..width.div_ceil(columns)).map(|number| (number, number == current, height));
+        let before = (0..=current)
+            .map(|number| (number, false, if number == current { start[1] + 1 } else { height }));
+        for (number, is_begun, rows_end) in onwards.chain(before) {
+            let strip = number * columns..((number + 1) * columns).min(width);
+            let from = if is_begun { start } else { [strip.start, 0] };
+            let found = self.find(pieces, from, strip, rows_end);
+            if found.is_some() || self.is_spent() {
+                return found;
+            }
+        }
+        None
+    }
+
+    /// Columns of the strips of a size, at the resolution of the grid.
+    fn strip_columns(&self, class: usize) -> u32 {
+        (STRIP_MASKS << (class / 2) >> self.shift).max(64)
+    }
+
+    /// The free place from a column and row on whose lower edge is topmost, then the leftmost one. It begins in one of some columns, and in a
+    /// row before `rows_end`. None, too, where the tests are spent.
+    fn find(
+        &mut self,
+        pieces: &mut [Piece<'_>],
+        from: [u32; 2],
+        columns: Range<u32>,
+        rows_end: u32,
+    ) -> Option<Place> {
         // All pieces go down in step, so that none is looked for below another one's place.
         for bottom in from[1] + 1..=self.grid.height {
             let mut best: Option<Place> = None;
@@ -229,8 +279,8 @@ impl Packing {
                 if self.gaps[(y + row) as usize] < length {
                     continue;
                 }
-                let first = if y == from[1] { from[0] } else { 0 };
-                if let Some(x) = self.find_in_row(piece, first, y)
+                let first = if y == from[1] { from[0] } else { columns.start };
+                if let Some(x) = self.find_in_row(piece, first..columns.end, y)
                     && best.is_none_or(|place| x < place.at[0])
                 {
                     best = Some(Place { at: [x, y], turn: piece.turn });
@@ -243,9 +293,13 @@ impl Packing {
         None
     }
 
-    /// The first free column from a column on.
-    fn find_in_row(&mut self, piece: &mut Piece<'_>, from: u32, y: u32) -> Option<u32> {
-        let last = self.grid.width.checked_sub(piece.mask.width)?;
+    /// The first free one of some columns.
+    fn find_in_row(&mut self, piece: &mut Piece<'_>, columns: Range<u32>, y: u32) -> Option<u32> {
+        let Range { start: from, end } = columns;
+        let last = self.grid.width.checked_sub(piece.mask.width)?.min(end - 1);
+        if from > last {
+            return None;
+        }
         (from / 64..=last / 64).find_map(|word| {
             let mut free = u64::MAX;
             if word == from / 64 {
@@ -328,7 +382,7 @@ mod tests {
                     expected = [expected, key].into_iter().flatten().min();
                 }
                 let mut pieces = [0, 1, 2, 3].map(|turn| Piece::new(mask.turned(turn), turn));
-                let found = packing.find(&mut pieces, from, rows_end);
+                let found = packing.find(&mut pieces, from, 0..90, rows_end);
                 let expected = expected.map(|(_, x, turn, y)| Place { at: [x, y], turn });
                 assert_eq!(found, expected);
                 if let Some(place) = found {
@@ -432,6 +486,23 @@ mod tests {
     fn packed(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
         let masks = Masks::new(masks.to_vec(), side);
         pack(&masks, &mut Orders::by_size(&masks), 0, &NoProgress)
+    }
+
+    /// A row of the square would hold 128 of them.
+    #[test]
+    fn small_masks_that_follow_each_other_lie_together() {
+        let masks = vec![rectangle(4, 3); 8_000];
+        let places = packed(&masks, 512).unwrap();
+        assert_apart(&masks, &places, 512);
+        let runs = places[MAX_TURNED..].chunks(32);
+        let is_together = |run: &&[Place]| {
+            (0..2).all(|i| {
+                let at = || run.iter().map(|place| place.at[i]);
+                at().max().unwrap() - at().min().unwrap() < 64
+            })
+        };
+        let (all, together) = (runs.len(), runs.filter(is_together).count());
+        assert!(10 * together > 9 * all, "{together} of {all}");
     }
 
     #[test]

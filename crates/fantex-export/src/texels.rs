@@ -208,7 +208,7 @@ const UNOWNED_REACH: u32 = 16;
 
 /// How far a region must look beyond its border: the farthest texel of a chart's blocks from the chart.
 fn margin(page: &Page) -> u32 {
-    if page.owners.is_empty() { UNOWNED_REACH } else { page.block + page.block / 2 + 2 }
+    if page.owners.is_empty() { UNOWNED_REACH } else { 2 * page.block + page.block / 2 + 2 }
 }
 
 impl Region {

@@ -10,8 +10,12 @@ use glam::{DVec3, Vec3};
 
 use crate::World;
 
+/// Of worlds with more triangles previews are asked, which depart from the surface by less than is seen from where all is.
+const MAX_WHOLE_TRIANGLES: u64 = 2_000_000;
+
 /// The camera that looks at a world from `direction` and shows it whole and as large as possible, as [`Camera::framing_mesh`] would show a mesh
-/// of all its vertices. `index` is where the world was read. Of its assets those are opened that may lie outermost, a handful.
+/// of all its vertices. `index` is where the world was read. Only those of its assets are opened that may lie outermost, of large worlds by
+/// their previews.
 ///
 /// # Errors
 /// One of these cannot be opened.
@@ -23,7 +27,9 @@ pub fn frame_world(
     fov_degrees: f64,
 ) -> Result<Camera> {
     let closed = (0..world.objects.len()).collect();
-    let mut vertices = Vertices { index, world, opened: Vec::new(), closed, error: None };
+    let triangles = world.objects.iter().fold(0u64, |sum, object| sum.saturating_add(object.triangles));
+    let is_small = triangles <= MAX_WHOLE_TRIANGLES;
+    let mut vertices = Vertices { index, world, is_small, opened: Vec::new(), closed, error: None };
     let camera = Camera::framing(&mut vertices, direction, aspect, DVec3::Y, fov_degrees);
     vertices.error.map_or(Ok(camera), Err)
 }
@@ -32,6 +38,7 @@ pub fn frame_world(
 struct Vertices<'a> {
     index: &'a Path,
     world: &'a World,
+    is_small: bool,
     /// Of each asset, mesh space.
     opened: Vec<(WorldFromMesh, Vec<Vec3>)>,
     /// Objects.
@@ -51,7 +58,12 @@ impl Vertices<'_> {
     /// The vertices of an object, which is closed until then; of one that cannot be opened its corners.
     fn open(&mut self, object: usize) -> &(WorldFromMesh, Vec<Vec3>) {
         self.closed.retain(|&other| other != object);
-        let opened = open_asset(&World::asset_place(self.index, &self.world.objects[object]));
+        let of_object = &self.world.objects[object];
+        let place = World::asset_place(self.index, of_object);
+        let opened = match of_object.preview.is_some() && !self.is_small {
+            true => World::open_preview(&place),
+            false => open_asset(&place),
+        };
         let vertices = match opened {
             Ok(asset) => (asset.mesh().world_from_mesh, asset.mesh().positions.clone()),
             Err(error) => {
