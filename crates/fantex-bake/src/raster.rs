@@ -23,6 +23,29 @@ impl Overshoot {
     /// Signed values have no dark end.
     pub(crate) const SIGNED: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: f32::INFINITY };
 
+    /// A value from which a multiple of the second differences is subtracted, along those of both axes that have them. `around`: left, right,
+    /// above and below.
+    #[inline]
+    fn fitted(
+        &self,
+        strength: f32,
+        center: Vec4,
+        [left, right, up, down]: [Vec4; 4],
+        [across, along]: [bool; 2],
+    ) -> Vec4 {
+        let mut curvature = Vec4::ZERO;
+        if across {
+            curvature += left + right - 2.0 * center;
+        }
+        if along {
+            curvature += up + down - 2.0 * center;
+        }
+        let low = center.min(left).min(right).min(up).min(down);
+        let high = center.max(left).max(right).max(up).max(down);
+        (center - strength * curvature).clamp(low - self.below(low), high + self.above)
+    }
+
+    #[inline]
     fn below(&self, low: Vec4) -> Vec4 {
         let bound = Vec4::splat(self.below);
         if self.share_below.is_finite() { (low * self.share_below).min(bound).max(Vec4::ZERO) } else { bound }
@@ -87,19 +110,46 @@ impl<'a> Fitting<'a> {
         let along = up != texel && down != texel;
         let [left, right, up, down] = [left, right, up, down].map(|texel| raster.texel(texel));
         for (channel, overshoot) in self.overshoots.iter().enumerate() {
-            let center = center[channel];
             let [left, right, up, down] = [left, right, up, down].map(|texel| texel[channel]);
-            let mut curvature = Vec4::ZERO;
-            if across {
-                curvature += left + right - 2.0 * center;
+            let around = [left, right, up, down];
+            store(channel, overshoot.fitted(strength, center[channel], around, [across, along]));
+        }
+    }
+
+    /// The values of a row's texels.
+    fn row(&self, y: usize, values: &mut Vec<Vec4>) {
+        let (raster, channels) = (self.raster, self.raster.channels);
+        let [width, height] = raster.extent.map(|n| n as usize);
+        let is_inside = y > 0 && y + 1 < height && width > 2;
+        match self.strength {
+            None if raster.coverage.is_none() => {
+                values.extend_from_slice(&raster.values[y * width * channels..][..width * channels]);
             }
-            if along {
-                curvature += up + down - 2.0 * center;
+            Some(strength) if raster.coverage.is_none() && is_inside => {
+                let [above, own, below] = [y - 1, y, y + 1].map(|y| {
+                    (
+                        &raster.valid[y * width..][..width],
+                        &raster.values[y * width * channels..][..width * channels],
+                    )
+                });
+                for x in 0..width {
+                    let is_whole = x > 0
+                        && x + 1 < width
+                        && above.0[x]
+                        && below.0[x]
+                        && own.0[x - 1..=x + 1] == [true; 3];
+                    if !is_whole {
+                        self.texel(y * width + x, |value| values.push(value));
+                        continue;
+                    }
+                    for (channel, overshoot) in self.overshoots.iter().enumerate() {
+                        let at = x * channels + channel;
+                        let around = [own.1[at - channels], own.1[at + channels], above.1[at], below.1[at]];
+                        values.push(overshoot.fitted(strength, own.1[at], around, [true; 2]));
+                    }
+                }
             }
-            let low = center.min(left).min(right).min(up).min(down);
-            let high = center.max(left).max(right).max(up).max(down);
-            let below = overshoot.below(low);
-            store(channel, (center - strength * curvature).clamp(low - below, high + overshoot.above));
+            _ => (y * width..(y + 1) * width).for_each(|texel| self.texel(texel, |value| values.push(value))),
         }
     }
 
@@ -130,9 +180,7 @@ impl<'a> Fitting<'a> {
         let raster = self.raster;
         let width = raster.extent[0] as usize;
         let mut values = Vec::with_capacity(rows.len() * width * raster.channels);
-        for texel in rows.start * width..rows.end * width {
-            self.texel(texel, |value| values.push(value));
-        }
+        rows.clone().for_each(|y| self.row(y, &mut values));
         let mut read = Vec::with_capacity(width / 4 * (rows.len() / 4));
         for y in rows.clone().step_by(4) {
             for x in (0..width).step_by(4) {
@@ -156,7 +204,7 @@ impl<'a> Fitting<'a> {
         let raster = self.raster;
         let [width, height] = raster.extent.map(|n| n as usize);
         let of_block = || (0..16).map(|k| [at[0] + k % 4, at[1] + k / 4]);
-        if of_block().all(|[x, y]| raster.valid[y * width + x]) {
+        if (at[1]..at[1] + 4).all(|y| raster.valid[y * width + at[0]..][..4] == [true; 4]) {
             return;
         }
         for channel in 0..raster.channels {

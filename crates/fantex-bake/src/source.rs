@@ -170,6 +170,7 @@ impl TrianglePlane {
     }
 
     /// The point with these barycentric coordinates.
+    #[inline]
     pub fn point(&self, lambda: Vec3) -> TexelPoint {
         // Off the surface the plane goes on, but a normal must not be extrapolated.
         let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);

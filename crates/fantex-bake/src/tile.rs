@@ -22,7 +22,7 @@ use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
     page_extent, page_grid, page_origin,
 };
-use fantex_texture::color::{srgb8_from_linear, unorm8};
+use fantex_texture::color::{srgb8_encoder, unorm8};
 use fantex_texture::levels::{Covered, CutOuts, LargestCutOut, Raster, TexelMean};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -270,8 +270,13 @@ impl TileBaker<'_> {
             }
             let plane =
                 TrianglePlane::new(self.mesh, self.normals, triangle.triangle as usize, triangle.steps);
+            // Divisions would take as long as all else about a point.
+            let mut row = owned.first().map_or(0, |first| first / width);
             outcome = owned.iter().try_for_each(|&texel| {
-                let place = Vec2::new((texel % width) as f32, (texel / width) as f32);
+                while texel - row * width >= width {
+                    row += 1;
+                }
+                let place = Vec2::new((texel - row * width) as f32, row as f32);
                 visit(texel, plane.point(triangle.lambda(corner + place)))
             });
         });
@@ -482,22 +487,21 @@ fn continue_over(raster: &mut Raster, hidden: &[u32]) {
 
 /// The mean of each channel where the tile is read, or of what there is. Colours count in proportion to their coverage.
 fn means(raster: &Raster) -> Vec<[f32; 4]> {
-    (0..raster.channels)
-        .map(|channel| {
-            let add = if raster.coverage == Some(channel) { TexelMean::add_covered } else { TexelMean::add };
-            let (mut read, mut valid) = (TexelMean::default(), TexelMean::default());
-            for texel in 0..raster.valid.len() {
-                if raster.valid[texel] {
-                    let value = raster.values[texel * raster.channels + channel];
-                    add(&mut valid, value);
-                    if raster.read[texel] {
-                        add(&mut read, value);
-                    }
-                }
-            }
-            read.value().or(valid.value()).unwrap_or(Vec4::ZERO).to_array()
-        })
-        .collect()
+    let mean = |channel: usize| {
+        let of_read = mean_where(raster, channel, |texel| raster.valid[texel] && raster.read[texel]);
+        of_read.or_else(|| mean_where(raster, channel, |texel| raster.valid[texel])).unwrap_or(Vec4::ZERO)
+    };
+    (0..raster.channels).map(|channel| mean(channel).to_array()).collect()
+}
+
+fn mean_where(raster: &Raster, channel: usize, counts: impl Fn(usize) -> bool) -> Option<Vec4> {
+    let is_covered = raster.coverage == Some(channel);
+    let mut mean = TexelMean::default();
+    for texel in (0..raster.valid.len()).filter(|&texel| counts(texel)) {
+        let value = raster.values[texel * raster.channels + channel];
+        if is_covered { mean.add_covered(value) } else { mean.add(value) }
+    }
+    mean.value()
 }
 
 // From linear values to the numbers and bytes that a channel stores.
@@ -535,11 +539,15 @@ impl ChannelPlan {
         [r, g, b, if self.has_alpha { a } else { 1.0 }]
     }
 
-    fn bytes(&self, value: Vec4) -> [u8; 4] {
+    /// `srgb8` encodes colours.
+    fn bytes(&self, value: Vec4, srgb8: impl Fn(f32) -> u8) -> [u8; 4] {
         let [r, g, b, a] = value.to_array();
         let alpha = if self.has_alpha { unorm8(a) } else { 255 };
-        let color = if self.channel.srgb { [r, g, b].map(srgb8_from_linear) } else { [r, g, b].map(unorm8) };
-        [color[0], color[1], color[2], alpha]
+        if self.channel.srgb {
+            [srgb8(r), srgb8(g), srgb8(b), alpha]
+        } else {
+            [unorm8(r), unorm8(g), unorm8(b), alpha]
+        }
     }
 }
 
@@ -595,8 +603,9 @@ fn encode_pages(plans: &[ChannelPlan], quality: Quality, pages: &[Window<'_>]) -
                 pages.iter().map(|p| p.stored(index, |v| plan.float(v))).collect();
             encode_many(format, quality, &to_encode(texels.iter().map(|t| TexelSlice::F32(t)), pages, &read))?
         } else {
+            let srgb8 = srgb8_encoder();
             let texels: Vec<Vec<[u8; 4]>> =
-                pages.iter().map(|p| p.stored(index, |v| plan.bytes(v))).collect();
+                pages.iter().map(|p| p.stored(index, |v| plan.bytes(v, srgb8))).collect();
             encode_many(format, quality, &to_encode(texels.iter().map(|t| TexelSlice::U8(t)), pages, &read))?
         };
         for (page, bytes) in encoded.iter_mut().zip(bytes) {

@@ -58,7 +58,7 @@ pub fn unit_from_u8_table() -> &'static [f32; 256] {
 /// The encoder's tables: a float's exponent and seven mantissa bits give the code at the start of its bucket; at most one
 /// rounding threshold lies inside a bucket (a code spans at least 1/106 of its value, a bucket at most 1/128).
 struct Srgb8Encoder {
-    code_of_bucket: Vec<u8>,
+    code_of_bucket: [u8; ENCODER_BUCKETS],
     /// `threshold[c]` is the smallest linear value that rounds to code `c`.
     threshold: [f32; 257],
 }
@@ -67,6 +67,9 @@ const ENCODER_MANTISSA_BITS: u32 = 7;
 const ENCODER_SHIFT: u32 = 23 - ENCODER_MANTISSA_BITS;
 /// 2^-13 is below the smallest threshold, 0.5 / 255 / 12.92 = 1.52e-4 = 2^-12.68.
 const ENCODER_SMALLEST: f32 = 1.0 / 8192.0;
+/// Of the smallest value, and the last one, in which 1 is.
+const ENCODER_FIRST_BUCKET: u32 = ENCODER_SMALLEST.to_bits() >> ENCODER_SHIFT;
+const ENCODER_BUCKETS: usize = ((1.0_f32.to_bits() >> ENCODER_SHIFT) - ENCODER_FIRST_BUCKET + 1) as usize;
 
 impl Srgb8Encoder {
     fn new() -> Self {
@@ -74,28 +77,35 @@ impl Srgb8Encoder {
         for (code, value) in threshold[..256].iter_mut().enumerate() {
             *value = linear_from_srgb_f64((code as f64 - 0.5).max(0.0) / 255.0) as f32;
         }
-        let first = ENCODER_SMALLEST.to_bits() >> ENCODER_SHIFT;
-        let last = 1.0_f32.to_bits() >> ENCODER_SHIFT;
-        let code_of_bucket = (first..=last)
-            .map(|bucket| {
-                let start = f32::from_bits(bucket << ENCODER_SHIFT);
-                (threshold[..256].partition_point(|&t| t <= start) - 1) as u8
-            })
-            .collect();
+        let code_of_bucket = std::array::from_fn(|bucket| {
+            let start = f32::from_bits((ENCODER_FIRST_BUCKET + bucket as u32) << ENCODER_SHIFT);
+            (threshold[..256].partition_point(|&t| t <= start) - 1) as u8
+        });
         Self { code_of_bucket, threshold }
+    }
+
+    #[inline]
+    fn code(&self, linear: f32) -> u8 {
+        // What is no number, too, becomes the smallest value, whose code is 0.
+        let linear = if linear > ENCODER_SMALLEST { linear.min(1.0) } else { ENCODER_SMALLEST };
+        let code = self.code_of_bucket[((linear.to_bits() >> ENCODER_SHIFT) - ENCODER_FIRST_BUCKET) as usize];
+        code + u8::from(linear >= self.threshold[usize::from(code) + 1])
     }
 }
 
+static ENCODER: LazyLock<Srgb8Encoder> = LazyLock::new(Srgb8Encoder::new);
+
 /// The sRGB byte nearest to a linear-light value; values outside `[0,1]` are clamped, NaN gives 0.
+#[inline]
 pub fn srgb8_from_linear(linear: f32) -> u8 {
-    static ENCODER: LazyLock<Srgb8Encoder> = LazyLock::new(Srgb8Encoder::new);
-    if linear.is_nan() || linear <= ENCODER_SMALLEST {
-        return 0;
-    }
-    let linear = linear.min(1.0);
-    let first = ENCODER_SMALLEST.to_bits() >> ENCODER_SHIFT;
-    let code = ENCODER.code_of_bucket[((linear.to_bits() >> ENCODER_SHIFT) - first) as usize];
-    code + u8::from(linear >= ENCODER.threshold[usize::from(code) + 1])
+    ENCODER.code(linear)
+}
+
+/// [`srgb8_from_linear`] for many values.
+#[inline]
+pub fn srgb8_encoder() -> impl Fn(f32) -> u8 + Copy {
+    let encoder: &'static Srgb8Encoder = &ENCODER;
+    move |linear| encoder.code(linear)
 }
 
 /// The 16-bit sRGB value nearest to a linear-light value, clamped to `[0,1]`; NaN gives 0.
@@ -104,6 +114,7 @@ pub fn srgb16_from_linear(linear: f32) -> u16 {
 }
 
 /// The byte nearest to `255 * value`, clamped; NaN gives 0.
+#[inline]
 pub fn unorm8(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }

@@ -52,6 +52,7 @@ impl TexelTriangle {
     }
 
     /// Barycentric coordinates at a position in texels.
+    #[inline]
     pub fn lambda(&self, at: Vec2) -> Vec3 {
         let d = at - self.corners[0];
         Vec3::X + self.steps[0] * d.x + self.steps[1] * d.y
@@ -216,9 +217,15 @@ impl Footprints {
                 continue;
             }
             let offset = row as usize * width as usize;
+            let run = offset + from as usize..offset + to as usize + 1;
+            self.owner[run.clone()].fill(index);
+            self.distance[run.clone()].fill(0.0);
+            if triangle.inside == [true; 3] {
+                // The greatest coordinate belongs to one of them.
+                self.in_region[run].fill(true);
+                continue;
+            }
             for column in from as usize..=to as usize {
-                self.owner[offset + column] = index;
-                self.distance[offset + column] = 0.0;
                 let lambda = start + triangle.steps[0] * column as f32;
                 self.in_region[offset + column] |= is_in_region(lambda, triangle.inside, delta);
             }
@@ -241,8 +248,9 @@ impl Footprints {
         let bounds = [from.x as f32, to.x as f32 - 1.0];
         for row in from.y..to.y {
             let open = &self.distance[row as usize * width..][..width];
-            if to.x <= from.x || open[from.x as usize..to.x as usize].iter().all(|&distance| distance <= 0.0)
-            {
+            // Whole rows, as vectors compare them.
+            let is_open = |open: &[f32]| open.iter().fold(false, |is, &distance| is | (distance > 0.0));
+            if to.x <= from.x || !is_open(&open[from.x as usize..to.x as usize]) {
                 continue;
             }
             let start = triangle.lambda(origin + Vec2::new(0.5, row as f32 + 0.5));
@@ -281,7 +289,7 @@ impl Footprints {
         let last = (high - origin + OUTLINE_SLACK + 1.0).clamp(Vec2::ZERO, end).as_uvec2();
         let is_known = |row: u32| {
             let row = &self.in_region[row as usize * width as usize..][..width as usize];
-            last.x <= first.x || row[first.x as usize..last.x as usize].iter().all(|&is| is)
+            last.x <= first.x || row[first.x as usize..last.x as usize].iter().fold(true, |all, &is| all & is)
         };
         if (first.y..last.y).all(is_known) {
             return;

@@ -115,6 +115,7 @@ const RESOLVED: f32 = 0.05;
 
 impl Raster {
     /// The values of a texel, channel by channel.
+    #[inline]
     pub fn texel(&self, texel: usize) -> &[Vec4] {
         &self.values[texel * self.channels..][..self.channels]
     }
@@ -145,7 +146,11 @@ impl Raster {
         for row in &rows {
             for column in &columns {
                 let first = row.first() * self.extent[0] as usize + column.first();
-                if !(are_halves && self.gather_four(first, target, &mut part)) {
+                let is_done = match are_halves {
+                    true => self.gather_four(first, target, &mut part),
+                    false => self.gather_whole(column, row, target, &mut part),
+                };
+                if !is_done {
                     self.gather(column, row, target, &mut part);
                 }
                 target += 1;
@@ -169,6 +174,41 @@ impl Raster {
         }
         coarse.valid[target] = true;
         coarse.read[target] = four.iter().any(|&texel| self.read[texel]);
+        true
+    }
+
+    /// As [`Raster::gather`] of any number of texels, in the same order; false where not all are valid or alpha is coverage.
+    fn gather_whole(&self, columns: &Overlap, rows: &Overlap, target: usize, coarse: &mut Self) -> bool {
+        if self.coverage.is_some() {
+            return false;
+        }
+        let (width, channels, across) = (self.extent[0] as usize, self.channels, columns.weights());
+        let first = rows.first() * width + columns.first();
+        let (mut is_whole, mut is_read, mut total) = (true, false, 0.0);
+        for (row, row_weight) in rows.weights().iter().enumerate() {
+            let start = first + row * width;
+            let [valid, read] = [&self.valid, &self.read].map(|of| &of[start..start + across.len()]);
+            for ((valid, read), column_weight) in valid.iter().zip(read).zip(across) {
+                is_whole &= valid;
+                is_read |= read;
+                total += row_weight * column_weight;
+            }
+        }
+        if !is_whole {
+            return false;
+        }
+        let values = &mut coarse.values[target * channels..][..channels];
+        for (channel, value) in values.iter_mut().enumerate() {
+            let mut sum = Vec4::ZERO;
+            for (row, row_weight) in rows.weights().iter().enumerate() {
+                let start = (first + row * width) * channels + channel;
+                for (column, column_weight) in across.iter().enumerate() {
+                    sum += row_weight * column_weight * self.values[start + column * channels];
+                }
+            }
+            *value = sum / total;
+        }
+        (coarse.valid[target], coarse.read[target]) = (true, is_read);
         true
     }
 
@@ -388,6 +428,29 @@ mod tests {
             *texel = Vec4::splat(value(i as u32 % extent[0], i as u32 / extent[0]));
         }
         raster
+    }
+
+    #[test]
+    fn whole_footprints_have_the_means_of_those_with_gaps() {
+        let (fine, coarse) = ([20, 12], [12, 8]);
+        let mut raster = Raster::empty(fine, 2, None);
+        raster.valid.fill(true);
+        for (i, value) in raster.values.iter_mut().enumerate() {
+            *value = Vec4::new(i as f32, 0.1 * i as f32, (i * i % 97) as f32, 1.0);
+        }
+        raster.read[37] = true;
+        let axis = |k: usize| crate::filter::overlaps(fine[k], coarse[k], coarse[k]);
+        let [mut whole, mut any] = [0; 2].map(|_| Raster::empty(coarse, 2, None));
+        let mut target = 0;
+        for row in axis(1) {
+            for column in axis(0) {
+                assert!(raster.gather_whole(&column, &row, target, &mut whole));
+                raster.gather(&column, &row, target, &mut any);
+                target += 1;
+            }
+        }
+        assert_eq!(whole.values, any.values);
+        assert_eq!((whole.valid, whole.read), (any.valid, any.read));
     }
 
     #[test]

@@ -17,15 +17,18 @@ pub struct TexelMean {
 
 impl TexelMean {
     /// Adds a value whose alpha is no coverage.
+    #[inline]
     pub fn add(&mut self, value: Vec4) {
         self.add_weighted(value, 1.0);
     }
 
     /// Adds a colour whose alpha is coverage; something counts of transparent ones, so that these alone have a mean, too.
+    #[inline]
     pub fn add_covered(&mut self, value: Vec4) {
         self.add_weighted(value, value.w.max(0.0) + TRANSPARENT_WEIGHT);
     }
 
+    #[inline]
     fn add_weighted(&mut self, value: Vec4, weight: f32) {
         self.sum += (value.truncate() * weight).extend(value.w).as_dvec4();
         self.weight += f64::from(weight);

@@ -35,6 +35,29 @@ const MIN_WEIGHT: f32 = 0.02;
 const SELECTOR_BITS: [f32; 16] =
     [2.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0, 3.0, 6.0, 4.0, 6.0];
 
+/// Selectors of equal bits: every so many from a first one on.
+#[derive(Clone, Copy)]
+struct Class {
+    first: usize,
+    step: usize,
+    bits: f32,
+}
+
+impl Class {
+    const fn new(first: usize, step: usize) -> Self {
+        Self { first, step, bits: SELECTOR_BITS[first] }
+    }
+}
+
+const CLASSES: [Class; 4] = [Class::new(0, 16), Class::new(1, 2), Class::new(2, 4), Class::new(4, 4)];
+
+/// The selectors of a class with the least errors, the lowest of equal ones, whatever the weight of bits.
+#[derive(Clone, Copy)]
+struct Best<S: Simd> {
+    error: f32x16<S>,
+    selector: f32x16<S>,
+}
+
 /// Places of selectors between the end points, in 64ths.
 const SELECTOR_PLACES: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
 
@@ -64,9 +87,12 @@ fn prefer_cheap_in_block<S: Simd>(simd: S, bytes: &mut [u8; 16], texels: &Texels
         let channel = channel_of(simd, texels, c);
         let a = ((ends >> (7 + 14 * c)) as i32 & 127) << 1 | (ends >> 63) as i32;
         let b = ((ends >> (14 + 14 * c)) as i32 & 127) << 1 | bits as i32 & 1;
-        for (errors, place) in errors.iter_mut().zip(SELECTOR_PLACES) {
-            let value = ((64 - place) * a + place * b + 32) >> 6;
-            let difference = channel - value as f32;
+        let mut values = [0.0; 16];
+        for (value, place) in values.iter_mut().zip(SELECTOR_PLACES) {
+            *value = (((64 - place) * a + place * b + 32) >> 6) as f32;
+        }
+        for (errors, value) in errors.iter_mut().zip(values) {
+            let difference = channel - value;
             *errors += difference * difference;
         }
     }
@@ -119,16 +145,26 @@ fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]
         error = own.simd_eq(selector as f32).select(errors, error);
     }
     let allowed = sum(error);
+    let mut best = [Best { error: errors[0], selector: f32x16::splat(simd, 0.0) }; CLASSES.len()];
+    for (best, class) in best.iter_mut().zip(CLASSES) {
+        *best = Best { error: errors[class.first], selector: f32x16::splat(simd, class.first as f32) };
+        for selector in (class.first + class.step..16).step_by(class.step) {
+            let is_less = errors[selector].simd_lt(best.error);
+            best.error = is_less.select(errors[selector], best.error);
+            best.selector = is_less.select(f32x16::splat(simd, selector as f32), best.selector);
+        }
+    }
     let mut weight = FIRST_WEIGHT * allowed + MIN_WEIGHT;
     for _ in 0..MAX_WEIGHTS {
-        let mut least = errors[0] + weight * SELECTOR_BITS[0];
-        let (mut error, mut chosen) = (errors[0], f32x16::splat(simd, 0.0));
-        for (selector, (&errors, bits)) in errors.iter().zip(SELECTOR_BITS).enumerate().skip(1) {
-            let cost = errors + weight * bits;
-            let is_less = cost.simd_lt(least);
+        let Best { mut error, selector: mut chosen } = best[0];
+        let mut least = error + weight * CLASSES[0].bits;
+        for (best, class) in best.iter().zip(CLASSES).skip(1) {
+            let cost = best.error + weight * class.bits;
+            // Of equal ones that of the lowest number.
+            let is_less = cost.simd_lt(least) | (cost.simd_eq(least) & best.selector.simd_lt(chosen));
             least = is_less.select(cost, least);
-            error = is_less.select(errors, error);
-            chosen = is_less.select(f32x16::splat(simd, selector as f32), chosen);
+            error = is_less.select(best.error, error);
+            chosen = is_less.select(best.selector, chosen);
         }
         if sum(error) <= allowed {
             let (mut choice, mut choice_bits) = ([0; 16], 0.0);

@@ -66,6 +66,11 @@ impl Overlap {
         self.first
     }
 
+    /// Their weights.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights[..self.count]
+    }
+
     /// Indices and weights.
     #[inline(always)]
     pub fn parents(&self) -> impl Iterator<Item = (usize, f32)> {

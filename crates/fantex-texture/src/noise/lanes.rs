@@ -82,28 +82,38 @@ pub(super) struct Octaves<Origin> {
 }
 
 impl<Origin> Octaves<Origin> {
-    /// The sums at many points, each averaged over its footprint; `point` gives the coordinates of one.
+    /// The sums at many points, each averaged over its footprint; `point` gives the coordinates of one, `footprint` the width.
     pub(super) fn sums<const D: usize>(
         &self,
         kernel: &mut impl Kernel<D>,
         point: impl Fn(usize) -> [f32; D],
-        footprints: &[f32],
+        footprint: impl Fn(usize) -> f32,
         out: &mut [f32],
     ) where
         Origin: Fn(u32) -> Option<[f32; D]>,
     {
-        assert_eq!(footprints.len(), out.len(), "one footprint and value per point");
         let mut at = [[0.0; BLOCK]; D];
-        let mut widths = [0.0; BLOCK];
-        for (first, (footprints, out)) in
-            (0..).step_by(BLOCK).zip(footprints.chunks(BLOCK).zip(out.chunks_mut(BLOCK)))
-        {
-            transpose(&mut at, out.len(), |i| point(first + i));
+        let mut widths = [[0.0; BLOCK]];
+        for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
             // Lanes beyond the last point repeat it, so that they share its cells.
-            widths[..out.len()].copy_from_slice(footprints);
-            widths[out.len()..].fill(footprints[out.len() - 1]);
-            dispatch!(level(), simd => self.block(simd, kernel, &at, &widths, out));
+            transpose(&mut at, out.len(), |i| point(first + i));
+            transpose(&mut widths, out.len(), |i| [footprint(first + i)]);
+            self.dispatch_block(kernel, &at, &widths[0], out);
         }
+    }
+
+    // A function of its own, so that there is one for all closures that give points.
+    #[inline(never)]
+    fn dispatch_block<const D: usize>(
+        &self,
+        kernel: &mut impl Kernel<D>,
+        at: &[[f32; BLOCK]; D],
+        footprints: &[f32; BLOCK],
+        out: &mut [f32],
+    ) where
+        Origin: Fn(u32) -> Option<[f32; D]>,
+    {
+        dispatch!(level(), simd => self.block(simd, kernel, at, footprints, out));
     }
 
     #[inline(always)]
@@ -166,8 +176,18 @@ pub(super) fn values_at<const D: usize>(
     let mut at = [[0.0; BLOCK]; D];
     for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
         transpose(&mut at, out.len(), |i| point(first + i));
-        dispatch!(level(), simd => values_in(simd, kernel, seed, &at, out));
+        dispatch_values(kernel, seed, &at, out);
     }
+}
+
+#[inline(never)]
+fn dispatch_values<const D: usize>(
+    kernel: &mut impl Kernel<D>,
+    seed: u32,
+    at: &[[f32; BLOCK]; D],
+    out: &mut [f32],
+) {
+    dispatch!(level(), simd => values_in(simd, kernel, seed, at, out));
 }
 
 /// Columns of the coordinates of `count` points; what is left repeats the last one.
@@ -575,7 +595,7 @@ fn cellular_in<S: Simd>(
     }
 }
 
-/// The scattered points nearest to the lanes' places, cell by cell in the order of the scalar search.
+/// The scattered points nearest to the lanes' places, ring by ring as in the scalar search.
 #[inline(always)]
 fn scattered<S: Simd>(simd: S, seed: u32, at: [S::f32s; 3], metric: CellularMetric) -> Found<S> {
     let place = CellsAndOffsets::<S, 3>::new(at);
@@ -612,36 +632,49 @@ fn visit_ring<S: Simd>(
 ) {
     let (zero, far) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::INFINITY));
     let [x, y, z] = place.offsets;
-    for step_z in -ring..=ring {
+    for number_z in 0..=2 * ring {
+        let step_z = outwards(number_z);
         let gap_z = joined::<S>(metric, zero, gap(simd, z, step_z));
-        if ring > 1 && !is_near::<S>(gap_z, found) {
+        if !is_near::<S>(gap_z, found) {
             continue;
         }
         let of_z = absorb_all::<S>(S::u32s::splat(simd, seed), place.cells[2] + step_z as u32);
-        for step_y in -ring..=ring {
+        for number_y in 0..=2 * ring {
+            let step_y = outwards(number_y);
             let gap_yz = joined::<S>(metric, gap_z, gap(simd, y, step_y));
-            if ring > 1 && !is_near::<S>(gap_yz, found) {
+            if !is_near::<S>(gap_yz, found) {
                 continue;
             }
             let of_yz = absorb_all::<S>(of_z, place.cells[1] + step_y as u32);
             let is_on_ring = step_z.abs().max(step_y.abs()) == ring;
-            let stride = if is_on_ring || ring == 0 { 1 } else { 2 * ring };
-            for step_x in (-ring..=ring).step_by(stride as usize) {
+            // Within the ring's square only the ends of a row.
+            let first = if is_on_ring || ring == 0 { 0 } else { 2 * ring - 1 };
+            for number_x in first..=2 * ring {
+                let step_x = outwards(number_x);
+                // In the nearest ring a look is nearly as dear as a cell.
                 if ring > 1 && !is_near::<S>(joined::<S>(metric, gap_yz, gap(simd, x, step_x)), found) {
                     continue;
                 }
                 let hash = finish_all::<S>(absorb_all::<S>(of_yz, place.cells[0] + step_x as u32));
-                let mut distance = zero;
-                for (d, (offset, step)) in place.offsets.into_iter().zip([step_x, step_y, step_z]).enumerate()
-                {
-                    let along = absorb_all::<S>(hash, S::u32s::splat(simd, d as u32));
-                    let point = units::<S>(finish_all::<S>(along)) + step as f32;
-                    distance = joined::<S>(metric, distance, point - offset);
-                }
+                let mut distance = joined::<S>(metric, zero, to_point(simd, hash, 0, step_x, x));
+                distance = joined::<S>(metric, distance, to_point(simd, hash, 1, step_y, y));
+                distance = joined::<S>(metric, distance, to_point(simd, hash, 2, step_z, z));
                 found.add(is_open.select(distance, far), units::<S>(hash));
             }
         }
     }
+}
+
+/// From the lanes' places to the points of cells with these hashes, so many steps away, along an axis.
+#[inline(always)]
+fn to_point<S: Simd>(simd: S, hash: S::u32s, axis: u32, step: i32, offset: S::f32s) -> S::f32s {
+    units::<S>(finish_all::<S>(absorb_all::<S>(hash, S::u32s::splat(simd, axis)))) + step as f32 - offset
+}
+
+/// 0, -1, 1, -2, 2, ...: points that are found first spare the search of cells farther away.
+#[inline(always)]
+fn outwards(number: i32) -> i32 {
+    if number % 2 == 0 { number / 2 } else { -(number + 1) / 2 }
 }
 
 /// From the lanes' places to the cell so many steps away along an axis.

@@ -459,10 +459,15 @@ impl FractalNoise {
         footprints: &[f32],
         out: &mut [f32],
     ) {
+        assert_eq!(footprints.len(), out.len(), "one footprint for every point");
         let origin = |octave| Some([17.31 * octave as f32; D]);
         let (mean, shape) = (self.octave_mean, self.kind.shape());
-        Octaves { seed: self.seed, fractal: self.octaves, mean, shape, origin }
-            .sums(kernel, at, footprints, out);
+        Octaves { seed: self.seed, fractal: self.octaves, mean, shape, origin }.sums(
+            kernel,
+            at,
+            |i| footprints[i],
+            out,
+        );
     }
 
     fn sums_one_by_one<const D: usize>(

@@ -105,7 +105,12 @@ impl Noise {
     /// If `out` and `points` differ in length.
     pub fn values(&self, points: &[Vec3], out: &mut [f32]) {
         assert_eq!(points.len(), out.len(), "one value for every point");
-        values_at(&mut Gradients::default(), self.seed, |i| points[i].to_array(), out);
+        self.values_of(|i| points[i], out);
+    }
+
+    /// [`Noise::values`] of points that a function gives by their numbers.
+    pub(crate) fn values_of(&self, point: impl Fn(usize) -> Vec3, out: &mut [f32]) {
+        values_at(&mut Gradients::default(), self.seed, |i| point(i).to_array(), out);
     }
 
     /// The gradients at the corners of a cell, in the order of [`CORNERS`].
@@ -133,17 +138,17 @@ impl Noise {
 
     /// Fractional Brownian motion: the sum of the octaves, mean 0.
     pub fn fbm(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
-        self.sum(p, fractal, footprint, 0.0, Shape::Plain)
+        self.sum(p, fractal, footprint, OctaveShape::PLAIN)
     }
 
     /// The sum of the octaves' absolute values, 0 or more.
     pub fn turbulence(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
-        self.sum(p, fractal, footprint, MEAN_ABSOLUTE, Shape::Absolute)
+        self.sum(p, fractal, footprint, OctaveShape::ABSOLUTE)
     }
 
     /// The sum of sharp crests, where the octaves pass through 0: `(1 - 2 |noise|)^2` each.
     pub fn ridged(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
-        self.sum(p, fractal, footprint, MEAN_RIDGE, RIDGE)
+        self.sum(p, fractal, footprint, OctaveShape::CREST)
     }
 
     /// [`Noise::fbm`] at many points, each with its footprint: the same values, several times as fast.
@@ -151,7 +156,7 @@ impl Noise {
     /// # Panics
     /// If the slices differ in length.
     pub fn fbm_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(points, fractal, footprints, out, 0.0, Shape::Plain);
+        self.sums(OctaveShape::PLAIN, points, fractal, footprints, out);
     }
 
     /// [`Noise::turbulence`] at many points, each with its footprint: the same values, several times as fast.
@@ -159,7 +164,7 @@ impl Noise {
     /// # Panics
     /// If the slices differ in length.
     pub fn turbulence_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(points, fractal, footprints, out, MEAN_ABSOLUTE, Shape::Absolute);
+        self.sums(OctaveShape::ABSOLUTE, points, fractal, footprints, out);
     }
 
     /// [`Noise::ridged`] at many points, each with its footprint: the same values, several times as fast.
@@ -167,31 +172,44 @@ impl Noise {
     /// # Panics
     /// If the slices differ in length.
     pub fn ridged_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(points, fractal, footprints, out, MEAN_RIDGE, RIDGE);
+        self.sums(OctaveShape::CREST, points, fractal, footprints, out);
     }
 
     fn sums(
         &self,
+        octave: OctaveShape,
         points: &[Vec3],
         fractal: Fractal,
         footprints: &[f32],
         out: &mut [f32],
-        mean: f32,
-        shape: Shape,
     ) {
         assert_eq!(points.len(), out.len(), "one value for every point");
-        if points.len() < FEW {
-            for ((&p, &footprint), out) in points.iter().zip(footprints).zip(out) {
-                *out = self.sum(p, fractal, footprint, mean, shape);
+        assert_eq!(footprints.len(), out.len(), "one footprint for every point");
+        self.sums_of(octave, fractal, |i| points[i], |i| footprints[i], out);
+    }
+
+    /// The sums at points that functions give by their numbers, with their footprints.
+    pub(crate) fn sums_of(
+        &self,
+        octave: OctaveShape,
+        fractal: Fractal,
+        point: impl Fn(usize) -> Vec3,
+        footprint: impl Fn(usize) -> f32,
+        out: &mut [f32],
+    ) {
+        if out.len() < FEW {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = self.sum(point(i), fractal, footprint(i), octave);
             }
             return;
         }
-        let origin = |octave| (octave < MAX_OCTAVES as u32).then(|| octave_origin(octave).to_array());
-        let octaves = Octaves { seed: self.seed, fractal, mean, shape, origin };
-        octaves.sums(&mut Gradients::default(), |i| points[i].to_array(), footprints, out);
+        let OctaveShape { mean, shape } = octave;
+        let octaves = Octaves { seed: self.seed, fractal, mean, shape, origin: seen_origin };
+        octaves.sums(&mut Gradients::default(), |i| point(i).to_array(), footprint, out);
     }
 
-    fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, mean: f32, shape: Shape) -> f32 {
+    fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, octave: OctaveShape) -> f32 {
+        let OctaveShape { mean, shape } = octave;
         let octaves = octaves_at(self.seed, p, fractal, footprint);
         let (mut sum, mut amplitude) = (0.0, 1.0);
         for octave in 0..fractal.octaves {
@@ -205,8 +223,26 @@ impl Noise {
     }
 }
 
-/// [`Noise::ridged`]: crests where noise passes through 0.
-const RIDGE: Shape = Shape::Crest(2.0);
+/// What an octave is before it is added to others, and its mean over space.
+#[derive(Clone, Copy)]
+pub(crate) struct OctaveShape {
+    shape: Shape,
+    mean: f32,
+}
+
+impl OctaveShape {
+    /// Of [`Noise::fbm`].
+    pub(crate) const PLAIN: Self = Self { shape: Shape::Plain, mean: 0.0 };
+    /// Of [`Noise::turbulence`].
+    pub(crate) const ABSOLUTE: Self = Self { shape: Shape::Absolute, mean: MEAN_ABSOLUTE };
+    /// Of [`Noise::ridged`]: crests where noise passes through 0.
+    pub(crate) const CREST: Self = Self { shape: Shape::Crest(2.0), mean: MEAN_RIDGE };
+}
+
+/// The origin of an octave that is not left at its mean.
+fn seen_origin(octave: u32) -> Option<[f32; 3]> {
+    (octave < MAX_OCTAVES as u32).then(|| octave_origin(octave).to_array())
+}
 
 /// Each octave has an origin of its own.
 fn octave_origin(octave: u32) -> Vec3 {

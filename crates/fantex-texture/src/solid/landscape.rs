@@ -4,7 +4,7 @@ use fantex_base::parameters;
 use glam::Vec3;
 
 use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque};
-use crate::noise::{Fractal, Noise, band_limit, smoothstep};
+use crate::noise::{Fractal, Noise, OctaveShape, band_limit, smoothstep};
 
 parameters! {
     /// Sand, grass, rock and snow.
@@ -72,7 +72,7 @@ impl Landscape {
         let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at[i].footprint) > 0.0;
         for_some(at, shows, |some, at| {
             let place = |_, p| p * GRAIN_FREQUENCY + 7.7;
-            let sums = fractal_sum(Noise::fbm_all, &self.noise(), at, GRAIN, GRAIN_FREQUENCY, place);
+            let sums = fractal_sum(OctaveShape::PLAIN, &self.noise(), at, GRAIN, GRAIN_FREQUENCY, place);
             some.iter().zip(sums).for_each(|(&i, sum)| grain[i] = sum.clamp(-1.0, 1.0));
         });
         grain

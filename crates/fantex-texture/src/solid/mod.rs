@@ -37,7 +37,7 @@ use fantex_base::{Aabb, Error, Result};
 use glam::{Vec3, Vec4};
 
 use crate::coordinates::NormalAxes;
-use crate::noise::{Fractal, Noise};
+use crate::noise::{Fractal, Noise, OctaveShape};
 
 use crate::{ShadingPoint, Texture};
 
@@ -117,12 +117,9 @@ pub struct Placed<S> {
 
 impl<S> Placed<S> {
     fn inside(&self, at: &SolidPoint) -> SolidPoint {
-        SolidPoint {
-            p: (at.p - self.center) / self.radius,
-            n: at.n,
-            footprint: at.footprint / self.radius,
-            time: at.time,
-        }
+        // One division of four numbers.
+        let inside = (at.p.extend(at.footprint) - self.center.extend(0.0)) / self.radius;
+        SolidPoint { p: inside.truncate(), n: at.n, footprint: inside.w, time: at.time }
     }
 }
 
@@ -220,9 +217,6 @@ impl<S: Solid> Texture for SolidTexture<S> {
     }
 }
 
-/// How octaves become a sum: [`Noise::fbm_all`], [`Noise::turbulence_all`] or [`Noise::ridged_all`].
-type Sum = fn(&Noise, &[Vec3], Fractal, &[f32], &mut [f32]);
-
 /// Fractal Brownian motion of a block of points, each scaled and shifted by `place`; `frequency` is how much that shortens
 /// lengths.
 fn fbm(
@@ -232,29 +226,27 @@ fn fbm(
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
 ) -> Notes<f32> {
-    fractal_sum(Noise::fbm_all, noise, at, Fractal::octaves(octaves), frequency, place)
+    fractal_sum(OctaveShape::PLAIN, noise, at, Fractal::octaves(octaves), frequency, place)
 }
 
 /// As [`fbm`], of any octaves.
 fn fractal_sum(
-    sum: Sum,
+    octave: OctaveShape,
     noise: &Noise,
     at: &[SolidPoint],
     octaves: Fractal,
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
 ) -> Notes<f32> {
-    let points = places(at, place);
-    let footprints: Notes<f32> = at.iter().map(|at| frequency * at.footprint).collect();
     let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    sum(noise, &points, octaves, &footprints, &mut sums);
+    noise.sums_of(octave, octaves, |i| place(i, at[i].p), |i| frequency * at[i].footprint, &mut sums);
     sums
 }
 
 /// One octave at a block of points, each scaled and shifted by `place`.
 fn values(noise: &Noise, at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<f32> {
     let mut values: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    noise.values(&places(at, place), &mut values);
+    noise.values_of(|i| place(i, at[i].p), &mut values);
     values
 }
 
@@ -262,6 +254,35 @@ fn places(at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<Vec3>
     at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect()
 }
 
+/// `x.rem_euclid(PERIOD)` of a period that is a power of two, without a call of the library where `x` is not large.
+#[inline]
+fn remainder<const PERIOD: u8>(x: f32) -> f32 {
+    let period = f32::from(PERIOD);
+    let periods = x / period;
+    if periods.abs() < 1e6 {
+        // Exact, as no digit of the difference is finer than those of `x`.
+        let rest = x - (periods as i32) as f32 * period;
+        if rest < 0.0 { rest + period } else { rest }
+    } else {
+        x.rem_euclid(period)
+    }
+}
+
 fn opaque(rgb: Vec3) -> [f32; 4] {
     [rgb.x, rgb.y, rgb.z, 1.0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn remainders_are_those_of_the_library() {
+        let near = (-4000..4000).map(|i| i as f32 * 0.125 + 1e-7 * (i % 3) as f32);
+        for x in near.chain([1e-30, -1e-30, 1.9e6, -2.1e6, 3e9, -3e9, 1e30]) {
+            assert_eq!(remainder::<1>(x), x.rem_euclid(1.0), "{x}");
+            assert_eq!(remainder::<2>(x), x.rem_euclid(2.0), "{x}");
+        }
+        assert!(remainder::<2>(f32::NAN).is_nan());
+    }
 }

@@ -3,7 +3,7 @@
 use fantex_base::parameters;
 use glam::{IVec3, Vec3, Vec4};
 
-use super::{Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque};
+use super::{Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque, remainder};
 use crate::coordinates::NormalAxes;
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
 use crate::{Allowed, Color, PositiveList3};
@@ -28,12 +28,11 @@ parameters! {
 /// antiderivative, a triangle wave.
 pub(super) fn mean_square_wave(x: f32, width: f32) -> f32 {
     let triangle = |x: f32| {
-        let phase = x.rem_euclid(2.0);
+        let phase = remainder::<2>(x);
         phase.min(2.0 - phase)
     };
-    let sign = if x.rem_euclid(2.0) < 1.0 { 1.0 } else { -1.0 };
     if width < 1e-4 {
-        sign
+        if remainder::<2>(x) < 1.0 { 1.0 } else { -1.0 }
     } else {
         ((triangle(x + 0.5 * width) - triangle(x - 0.5 * width)) / width).clamp(-1.0, 1.0)
     }

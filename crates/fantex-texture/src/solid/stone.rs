@@ -3,10 +3,12 @@
 use std::f32::consts::{PI, TAU};
 
 use fantex_base::parameters;
-use glam::{IVec3, Quat, Vec3};
+use glam::{IVec3, Quat, Vec2, Vec3};
 
-use super::{Notes, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque, places, values};
-use crate::noise::{Cellular, CellularMetric, Fractal, Noise, band_limit, cellular_all, smoothstep};
+use super::{Notes, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque, places, remainder, values};
+use crate::noise::{
+    Cellular, CellularMetric, Fractal, Noise, OctaveShape, band_limit, cellular_all, smoothstep,
+};
 use crate::{Allowed, Color};
 
 // Wood: annual rings about a trunk, with irregular waves, fibres and pores; the textbook's is [`Rings`](super::Rings).
@@ -75,11 +77,16 @@ impl Wood {
 
     /// The distance from the trunk's (bent) axis in which the rings are equally wide, at a point of the upright trunk.
     fn radius(&self, local: Vec3, waves: f32) -> f32 {
-        let plain = local.x.hypot(local.z);
+        let plain = Vec2::new(local.x, local.z).length();
         let off_center = self.eccentricity * plain;
-        let (x, z) = (local.x - 0.5 * off_center, local.z * (1.0 + 0.3 * self.eccentricity));
-        let lobes = self.twist * (5.0 * z.atan2(x) + 0.8 * TAU * local.y).sin() * smoothstep(0.0, 0.3, plain);
-        x.hypot(z) + lobes + self.wobble * waves
+        let at = Vec2::new(local.x - 0.5 * off_center, local.z * (1.0 + 0.3 * self.eccentricity));
+        let radius = at.length();
+        // The fifth power of a unit vector has five times its angle.
+        let unit = if radius > 0.0 { at / radius } else { Vec2::X };
+        let squared = unit.rotate(unit);
+        let five_angles = squared.rotate(squared).rotate(unit);
+        let turned = five_angles.rotate(Vec2::from_angle(0.8 * TAU * local.y));
+        radius + self.twist * turned.y * smoothstep(0.0, 0.3, plain) + self.wobble * waves
     }
 }
 
@@ -91,8 +98,8 @@ impl Wood {
         let noise = self.noise();
         let trunk = self.trunk();
         let locals: Notes<Vec3> = at.iter().map(|at| trunk * (at.p + FROM_AXIS)).collect();
-        let still: Notes<SolidPoint> = at.iter().map(|at| SolidPoint { footprint: 0.0, ..*at }).collect();
-        let waves = fbm(&noise, &still, 3, 1.0, |i, _| locals[i] * Vec3::new(1.6, 0.5, 1.6));
+        // Waves bend rings of any footprint, so they are not averaged.
+        let waves = fbm(&noise, at, 3, 0.0, |i, _| locals[i] * Vec3::new(1.6, 0.5, 1.6));
         let fibers = fbm(&noise, at, 3, 60.0, |i, p| Vec3::new(p.x * 60.0, locals[i].y * 3.0, p.z * 60.0));
         let pores: Notes<f32> = match at.iter().any(|at| band_limit(PORES, at.footprint) > 0.0) {
             true => values(&noise, at, |i, p| Vec3::new(p.x * PORES, locals[i].y * 4.0, p.z * PORES)),
@@ -108,9 +115,11 @@ impl Wood {
             let vigor = 0.55 + 0.45 * noise.cell_value(IVec3::new(ring as i32, 0, 0));
             // The mean over the footprint, by its thirds.
             let width = at.footprint / self.ring;
-            let profile = [-1.0, 0.0, 1.0]
-                .map(|side| ring_profile((rings - ring + side * width / 3.0).rem_euclid(1.0)));
-            let profile = profile.iter().sum::<f32>() / 3.0;
+            let mut profile = 0.0;
+            for side in [-1.0, 0.0, 1.0] {
+                profile += ring_profile(remainder::<1>(rings - ring + side * width / 3.0));
+            }
+            let profile = profile / 3.0;
             let late = RING_MEAN * 0.775 + left * (vigor * profile - RING_MEAN * 0.775);
             let share = (1.15 * late + self.grain * 0.16 * fibers[i]).clamp(0.0, 1.0);
             let pores = PORE_MEAN + band_limit(PORES, at.footprint) * (pore(pores[i]) - PORE_MEAN);
@@ -169,7 +178,7 @@ impl Marble {
     fn veins(&self, at: &[SolidPoint], shift: f32, direction: Vec3, frequency: f32) -> Notes<f32> {
         let (noise, octaves) = (self.noise(), Fractal::octaves(6));
         let place = |_, p| (p + shift) * frequency;
-        let folds = fractal_sum(Noise::turbulence_all, &noise, at, octaves, frequency, place);
+        let folds = fractal_sum(OctaveShape::ABSOLUTE, &noise, at, octaves, frequency, place);
         let slow = fbm(&noise, at, 2, 0.7 * frequency, |_, p| (p + shift) * 0.7 * frequency);
         let veins = at.iter().zip(folds.iter().zip(&slow)).map(|(at, (folds, slow))| {
             // A vein is a sixth of its period, and folding makes periods up to about three times narrower.
@@ -270,6 +279,7 @@ impl Granite {
         };
         let mut grains: Notes<Cellular> = at.iter().map(|_| Cellular::default()).collect();
         cellular_all(seed, &places(at, place), CellularMetric::Euclidean, &mut grains);
+        let mean = self.mean();
         let color = |(at, grain): (&SolidPoint, &Cellular)| {
             let mineral = match grain.id {
                 id if id < SHARES[0] => self.feldspar.rgb(),
@@ -281,7 +291,7 @@ impl Granite {
             // Beyond a fiftieth of a grain a footprint widens borders.
             let border = border(grain, BORDER.max(BORDER - 0.02 + at.footprint / width));
             let left = band_limit(1.0 / width, at.footprint);
-            self.mean().lerp(mineral * shade * (1.0 - 0.28 * border), left)
+            mean.lerp(mineral * shade * (1.0 - 0.28 * border), left)
         };
         at.iter().zip(&grains).map(color).collect()
     }
@@ -371,7 +381,7 @@ impl Rock {
             Vec3::new(p.x * 2.0, levels[i] * 4.0, p.z * 2.0)
         });
         let weathering = fbm(&self.noise(), at, 5, 9.0, |_, p| p * 9.0);
-        let cracks = fractal_sum(Noise::ridged_all, &self.noise(), at, Fractal::octaves(3), 6.0, |_, p| {
+        let cracks = fractal_sum(OctaveShape::CREST, &self.noise(), at, Fractal::octaves(3), 6.0, |_, p| {
             p * Vec3::new(6.0, 2.5, 6.0)
         });
 
