@@ -521,6 +521,11 @@ impl Progress for Teller<'_> {
         let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
         drop(bar.take());
         self.context.note(sentence);
+    fn prepare(&self, word: &'static str, share: f32) {
+        let bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        bar.iter().for_each(|bar| bar.prepare(word, share));
+    }
+
         *bar = Some(Self::bar(self.context));
         self.told.lock().unwrap_or_else(PoisonError::into_inner).push(sentence.to_owned());
     }

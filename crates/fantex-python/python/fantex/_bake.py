@@ -153,7 +153,8 @@ def bake(
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
         seed: of recipes.
-        progress: called with ``(done, total)`` texels, then bytes that are sent to a store; what it raises ends the bake.
+        progress: called with ``(done, total)``: thousandths of the covering, then texels, then bytes that are sent to a store; what it raises
+            ends the bake.
 
     Returns:
         The asset; its ``baked`` has numbers of ``triangles``, ``tiles``, ``texels``, ``bytes``, ``channels``, seconds, and ``notes``, a sentence
@@ -218,7 +219,8 @@ def bake_model(
         resolution: side of the pictures, a power of two, instead.
         largest_side, padding, uv, ktx2: as :meth:`Asset.export` takes them.
         overwrite: replace existing files.
-        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+        progress: called with ``(done, total)``: texels of the surface while it is unwrapped, then texels of the pictures; before them thousandths
+            of the covering where triangles are cut or light is baked. What it raises ends the bake.
 
     Returns:
         The paths of all ``files``; ``resolution``, ``channels``, ``charts``, ``padding`` and ``used_share`` of the pictures; numbers of

@@ -83,7 +83,7 @@ def plan(
 
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
     address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
-    with bytes that are sent to a store, and not while the mesh is covered. It also keeps digests of all that decides the texels, such as the contents of
+    with ``(done, total)`` thousandths of the covering, then bytes that are sent to a store. It also keeps digests of all that decides the texels, such as the contents of
     looks and pictures, but nothing of functions; parts are baked of nothing else.
     """
     options = _options(
@@ -131,7 +131,7 @@ def bake_part(
         source: the planned source, where that was a function or a mesh in memory.
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
-        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+        progress: called with ``(done, total)``: thousandths of the covering where triangles are cut, then texels; what it raises ends the bake.
 
     Returns:
         Bytes of the part.
