@@ -22,8 +22,8 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape, portrait,
-    report_damage, show_notes, size, vector,
+    FILTERS, ReadArgs, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape,
+    portrait, report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
 use crate::text::{ShownPath, bytes, counted, one_of, whole};
@@ -445,7 +445,7 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) -> Result
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
-    let model = open_shape(path)?;
+    let model = open_shape(path, ReadArgs::default())?;
     show_notes(&model, context);
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }
