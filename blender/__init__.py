@@ -215,7 +215,9 @@ class FANTEX_OT_bake(bpy.types.Operator):
         if not bake.is_finished:
             share = bake.done / bake.total
             context.window_manager.progress_update(int(100 * share))
-            context.workspace.status_text_set(f"Baking fans: {100 * share:.0f} %  (Esc ends it)")
+            # No number of texels is 1000: tiles have multiples of 16.
+            work = "Covering the mesh" if bake.total == 1000 else "Baking fans"
+            context.workspace.status_text_set(f"{work}: {100 * share:.0f} %  (Esc ends it)")
             return {"RUNNING_MODAL"} if event.type in {"TIMER", "ESC"} else {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()

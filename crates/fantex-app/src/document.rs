@@ -173,15 +173,17 @@ impl ChannelChange {
 pub enum Stage {
     Reading,
     Cleaning,
+    Covering,
     Baking,
     Channels,
     Preparing,
 }
 
 impl Stage {
-    pub const ALL: [(Self, &'static str); 5] = [
+    pub const ALL: [(Self, &'static str); 6] = [
         (Self::Reading, "Reading"),
         (Self::Cleaning, "Cleaning the mesh"),
+        (Self::Covering, "Covering the mesh"),
         (Self::Baking, "Making an asset to paint on"),
         (Self::Channels, "Changing channels"),
         (Self::Preparing, "Preparing textures"),
@@ -202,7 +204,15 @@ pub struct OpenProgress {
 
 impl Progress for OpenProgress {
     fn report(&self, done: u64, total: u64) {
+        if self.stage() == Stage::Covering {
+            self.stage.store(Stage::Baking as u8, Relaxed);
+        }
         self.share.store((done.saturating_mul(1000) / total.max(1)).min(1000) as u16, Relaxed);
+    }
+
+    fn prepare(&self, _: &'static str, share: f32) {
+        self.stage.store(Stage::Covering as u8, Relaxed);
+        self.share.store((1000.0 * share) as u16, Relaxed);
     }
 
     fn is_cancelled(&self) -> bool {
@@ -217,7 +227,7 @@ impl OpenProgress {
 
     /// How much of the stage is done, 0..1; none where that is not known.
     pub fn share(&self) -> Option<f32> {
-        matches!(self.stage(), Stage::Baking | Stage::Preparing).then(|| self.counted())
+        matches!(self.stage(), Stage::Covering | Stage::Baking | Stage::Preparing).then(|| self.counted())
     }
 
     /// What takes the shares of a part of the stage, which goes from one share of it to another.

@@ -374,6 +374,13 @@ pub trait Progress: Sync {
     /// another step.
     fn report(&self, done: u64, total: u64);
 
+    /// So much of what comes before texels is done, 0 to 1; `word` says what that is, such as "covering". A step of its own, of which the share
+    /// never falls; it is [reported](Self::report) in thousandths unless it is shown otherwise.
+    fn prepare(&self, word: &'static str, share: f32) {
+        let _ = word;
+        self.report((1000.0 * share) as u64, 1000);
+    }
+
     /// A sentence that is worth knowing before long work begins. The outcome of the work may hold it as well.
     fn note(&self, sentence: &str) {
         let _ = sentence;

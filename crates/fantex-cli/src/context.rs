@@ -393,6 +393,9 @@ impl Drop for Deferral<'_> {
 /// Shows how far a long operation is, and ends it on Ctrl-C.
 pub(crate) struct Bar<'a> {
     bar: ProgressBar,
+    label: String,
+    /// A million of what is counted.
+    millions: &'static str,
     /// The largest number that was reported: threads may report out of order.
     done: AtomicU64,
     interrupt: &'a Interrupt,
@@ -404,29 +407,50 @@ impl<'a> Bar<'a> {
     pub(crate) fn new(label: &str, millions: &'static str, is_shown: bool, interrupt: &'a Interrupt) -> Self {
         let target =
             if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
-        let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
+        let bar = ProgressBar::with_draw_target(None, target);
+        let bar = Self { bar, label: label.to_owned(), millions, done: AtomicU64::new(0), interrupt };
+        bar.name(None);
+        bar.bar.enable_steady_tick(Duration::from_millis(250));
+        bar
+    }
+
+    /// Names the step that begins: one that counts nothing has a word of its own.
+    fn name(&self, word: Option<&'static str>) {
+        self.bar.set_message(word.map_or_else(|| self.label.clone(), str::to_owned));
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {amount}") {
+            let millions = word.is_none().then_some(self.millions);
             let write_amount = move |state: &ProgressState, text: &mut dyn fmt::Write| {
-                write_millions(state, millions, text);
+                write_amount(state, millions, text);
             };
-            bar.set_style(style.with_key("amount", write_amount));
+            self.bar.set_style(style.with_key("amount", write_amount));
         }
-        bar.enable_steady_tick(Duration::from_millis(250));
-        Self { bar, done: AtomicU64::new(0), interrupt }
+    }
+
+    fn show(&self, word: Option<&'static str>, done: u64, total: u64) {
+        if done == 0 || self.bar.length() != Some(total) {
+            // Another operation begins.
+            self.name(word);
+            self.bar.set_length(total);
+            self.bar.set_position(0);
+            self.done.store(0, Relaxed);
+        }
+        let before = self.done.fetch_max(done, Relaxed);
+        self.bar.inc(done.saturating_sub(before));
     }
 }
 
-/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`; what comes before is not counted.
-fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) {
-    let millions = |count: f64| count / 1e6;
-    let done = millions(state.pos() as f64);
-    let _drawing_cannot_fail = match state.len() {
-        None => text.write_str("preparing"),
-        Some(total) => write!(
+/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`, or the time alone of what counts nothing; what comes before is not counted.
+fn write_amount(state: &ProgressState, millions: Option<&str>, text: &mut dyn fmt::Write) {
+    let count = |count: f64| count / 1e6;
+    let _drawing_cannot_fail = match (state.len(), millions) {
+        (None, _) => text.write_str("preparing"),
+        (_, None) => write!(text, "{:#} left", HumanDuration(state.eta())),
+        (Some(total), Some(unit)) => write!(
             text,
-            "{done:.1} of {:.1} {unit}, {:.1} {unit}/s, {:#} left",
-            millions(total as f64),
-            millions(state.per_sec()),
+            "{:.1} of {:.1} {unit}, {:.1} {unit}/s, {:#} left",
+            count(state.pos() as f64),
+            count(total as f64),
+            count(state.per_sec()),
             HumanDuration(state.eta())
         ),
     };
@@ -434,14 +458,11 @@ fn write_millions(state: &ProgressState, unit: &str, text: &mut dyn fmt::Write) 
 
 impl Progress for Bar<'_> {
     fn report(&self, done: u64, total: u64) {
-        if done == 0 || self.bar.length() != Some(total) {
-            // Another operation begins.
-            self.bar.set_length(total);
-            self.bar.set_position(0);
-            self.done.store(0, Relaxed);
-        }
-        let before = self.done.fetch_max(done, Relaxed);
-        self.bar.inc(done.saturating_sub(before));
+        self.show(None, done, total);
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        self.show(Some(word), (1000.0 * share) as u64, 1000);
     }
 
     fn is_cancelled(&self) -> bool {

@@ -8,7 +8,7 @@ use clap::Args;
 use fantex::addresses::check_can_change;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
-use fantex::mesh::{Mesh, shading_normals, written_format};
+use fantex::mesh::{CleanOptions, Mesh, shading_normals, written_format};
 use fantex::render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface,
     RenderOptions, Rendering, Surface, render,
@@ -19,7 +19,7 @@ use fantex::{Error, FileKind, Result, Surroundings, World, damage_note};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::context::Context;
-use crate::text::{Choices, share, within};
+use crate::text::{Choices, positive, share, within};
 
 #[derive(Debug)]
 pub(crate) struct Scene {
@@ -36,7 +36,7 @@ enum Content {
 impl Scene {
     /// Opens a file. An asset's decoded tiles stay within the common memory budget.
     pub(crate) fn open(path: &Path, context: &Context) -> Result<Self> {
-        let content = match Input::open(path)? {
+        let content = match Input::open(path, ReadArgs::default())? {
             Input::Model(model) => {
                 show_notes(&model, context);
                 Content::Model(model)
@@ -172,6 +172,20 @@ pub(crate) fn size(text: &str) -> Result<[u32; 2]> {
     sides.ok_or_else(|| Error::invalid("expected width x height in pixels, such as 1280x720"))
 }
 
+/// How models are read.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub(crate) struct ReadArgs {
+    /// Join vertices of models that lie up to this far apart, world units [default: those at the same place]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = positive)]
+    pub(crate) weld: Option<f64>,
+}
+
+impl ReadArgs {
+    fn clean_options(self) -> CleanOptions {
+        CleanOptions { weld_distance: self.weld.unwrap_or(0.0), ..CleanOptions::default() }
+    }
+}
+
 #[derive(Debug)]
 pub(crate) enum Input {
     Model(Box<fantex::Mesh>),
@@ -181,12 +195,12 @@ pub(crate) enum Input {
 }
 
 impl Input {
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    pub(crate) fn open(path: &Path, read: ReadArgs) -> Result<Self> {
         Ok(match FileKind::of(path)? {
             FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
             FileKind::World => Self::World(World::open(path)?),
             FileKind::Asset => Self::Asset(Arc::clone(fantex::Asset::open(path)?.shared())),
-            FileKind::Model => Self::Model(Box::new(fantex::Mesh::load(path)?)),
+            FileKind::Model => Self::Model(Box::new(fantex::Mesh::load_with(path, &read.clean_options())?)),
         })
     }
 }
@@ -205,10 +219,12 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
 }
 
 /// Loads and cleans a model, or takes the mesh of an asset.
-pub(crate) fn open_shape(path: &Path) -> Result<fantex::Mesh> {
+pub(crate) fn open_shape(path: &Path, read: ReadArgs) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Look => Err(FileKind::look_instead(path)),
-        FileKind::Asset | FileKind::Model | FileKind::World => fantex::Mesh::open(path),
+        FileKind::Asset | FileKind::Model | FileKind::World => {
+            fantex::Mesh::open_with(path, &read.clean_options())
+        }
     }
 }
 

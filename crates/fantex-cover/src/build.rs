@@ -1,6 +1,5 @@
 //! Building the cover of a mesh.
 
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
@@ -11,9 +10,10 @@ use rayon::prelude::*;
 use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::Laid;
-use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
+use crate::groups::{GroupLimits, Grouping, expect_groups, fan_groups, group_fans, lay_fans};
 use crate::nominal::NominalDensity;
 use crate::surface::{Ring, Surface};
+use crate::watch::{Watch, time};
 use crate::{Cover, CoverStats, Group, GroupKind, MAX_BLOCK_SIDE, UnfoldedCorner};
 
 /// How many texels the surface gets.
@@ -62,41 +62,46 @@ const BYTES_PER_TRIANGLE: u64 = 96;
 /// # Errors
 /// An empty or too large mesh, more triangles than the memory [allows](input::ReadLimits) that is left, or options out of range.
 pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats)> {
-    build_cover_while(mesh, options, &|| true)
+    build_cover_while(mesh, options, &|_| true)
 }
 
-/// As [`build_cover`], but ends soon once it is not wanted any more, which is asked often, from all threads.
+/// As [`build_cover`], but ends soon once it is not wanted any more. `goes_on` is asked that often, from all threads, and told what share of
+/// the time has gone, about, from 0 to 1: threads may tell theirs in any order.
 ///
 /// # Errors
 /// As [`build_cover`]; it is not wanted any more ([`Error::is_cancelled`]).
 pub fn build_cover_while(
     mesh: &Mesh,
     options: &CoverOptions,
-    is_wanted: &(dyn Fn() -> bool + Sync),
+    goes_on: &(dyn Fn(f32) -> bool + Sync),
 ) -> Result<(Cover, CoverStats)> {
     check(mesh, options)?;
-    let watch = Watch::new(is_wanted);
+    let watch = Watch::new(goes_on);
     let triangles = mesh.triangles.len() as u64;
     let what = format_args!("the cover of {}", counted(triangles, "triangle"));
     let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
     let started = Instant::now();
+    watch.begin(time::ANGLES, 0)?;
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let fans = Fans::by_angle(mesh, &vertex_corners);
     drop(vertex_corners);
     let (fans, creases) = if options.cut_creases { cut_at_creases(mesh, &fans) } else { (fans, Vec::new()) };
     let mut surface = Surface::new(mesh, fans);
     surface.creases = creases;
-    watch.check()?;
+    let count = surface.fans.len();
     let density = NominalDensity::new(&surface, options);
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
-        let laid = lay_fans(&surface, &density, options.delta);
+        watch.expect(time::ANGLES + time::LAYING + time::SIZING);
+        watch.begin(time::ANGLES + time::LAYING, count)?;
+        let laid = lay_fans(&surface, &density, options.delta, &watch);
         stats.fans.folding = laid.iter().filter(|laid| laid.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         Grouping { fan_groups: fan_groups(&surface.fans, &laid), laid }
     } else {
-        let shapes = shape_fans(&surface);
-        watch.check()?;
+        expect_groups(&watch, count);
+        watch.begin(time::SHAPED, count)?;
+        let shapes = shape_fans(&surface, &watch);
         stats.fans.folding = shapes.iter().filter(|shape| shape.folds).count() as u64;
         stats.seconds_fans = started.elapsed().as_secs_f64();
         let limits =
@@ -108,9 +113,12 @@ pub fn build_cover_while(
     stats.fans.unfolded = unfolded.map(|laid| u64::from(laid.fans)).sum();
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
+    watch.begin_last()?;
     let sized = |scales: Scales| {
         watch.check()?;
         let cover = assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)?;
+        // Mostly two sizes are tried; then the cover is measured.
+        watch.add_half();
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };
     let Sized { mut cover, texels, scale } = match options.budget {
@@ -120,31 +128,8 @@ pub fn build_cover_while(
     cover.is_creased = options.cut_creases;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
+    watch.end()?;
     Ok((cover, stats))
-}
-
-/// Whether the cover is still wanted.
-pub(crate) struct Watch<'a> {
-    is_wanted: &'a (dyn Fn() -> bool + Sync),
-    /// What was left out cannot be made up for.
-    has_ended: AtomicBool,
-}
-
-impl<'a> Watch<'a> {
-    pub(crate) fn new(is_wanted: &'a (dyn Fn() -> bool + Sync)) -> Self {
-        Self { is_wanted, has_ended: AtomicBool::new(false) }
-    }
-
-    pub(crate) fn has_ended(&self) -> bool {
-        if !self.has_ended.load(Relaxed) && !(self.is_wanted)() {
-            self.has_ended.store(true, Relaxed);
-        }
-        self.has_ended.load(Relaxed)
-    }
-
-    pub(crate) fn check(&self) -> Result<()> {
-        if self.has_ended() { Err(Error::cancelled("covering the mesh was ended")) } else { Ok(()) }
-    }
 }
 
 /// The fans, cut at creases; and of every edge that was cut the corners of both triangles at its ends, `[[own, own], [other, other]]`.
@@ -231,8 +216,11 @@ pub struct FanCounts {
 }
 
 /// How each fan is laid flat by itself.
-pub(crate) fn shape_fans(surface: &Surface<'_>) -> Vec<FanShape> {
+pub(crate) fn shape_fans(surface: &Surface<'_>, watch: &Watch<'_>) -> Vec<FanShape> {
     let shape = |ring: &mut Ring, fan: usize| {
+        if fan.is_multiple_of(1024) {
+            watch.add(1024);
+        }
         ring.gather(surface, fan);
         FanShape::of(ring, surface, fan)
     };

@@ -5,7 +5,6 @@ use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::build::Watch;
 use crate::cost::{Region, unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
@@ -15,6 +14,7 @@ use crate::partition::{Connector, Cutting, FanSet, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 use crate::unroll::{FlatCorners, MAX_CORNERS};
+use crate::watch::{Watch, time};
 use crate::{Frame, MAX_EXTENT};
 
 /// How groups may grow.
@@ -96,7 +96,7 @@ pub(crate) struct Grouping {
     pub(crate) fan_groups: Vec<u32>,
 }
 
-/// Groups the fans of a surface.
+/// Groups the fans of a surface. The watch has heard [what to expect](expect_groups).
 pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
@@ -104,29 +104,46 @@ pub(crate) fn group_fans(
     limits: &GroupLimits,
     watch: &Watch<'_>,
 ) -> Result<Grouping> {
-    let tried = |&way| grouped(surface, shapes, density, limits, way, watch);
-    let [first, others @ ..] = &WAYS;
-    let mut best = tried(first)?;
     let is_small = shapes.len() <= SMALL_MESH_FANS;
     let is_flat = is_small || flat_share(shapes) > MIN_FLAT_SHARE;
     let most = if is_flat { MAX_UNROLLED_FLAT_FANS } else { MAX_UNROLLED_FANS };
+    let ways = if shapes.len() > most {
+        &WAYS[..1]
+    } else if is_flat {
+        &WAYS[..]
+    } else {
+        &WAYS[..2]
+    };
+    expect_ways(watch, ways.len());
+    let tried = |number: usize| grouped(surface, shapes, density, limits, ways[number], (number, watch));
+    let mut best = tried(0)?;
     let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
-    if may_gain {
-        let others = if is_flat { others } else { &others[..1] };
-        for way in others {
-            let next = tried(way)?;
-            best = if next.cost < best.cost { next } else { best };
-        }
+    let count = if may_gain { ways.len() } else { 1 };
+    expect_ways(watch, count);
+    for number in 1..count {
+        let next = tried(number)?;
+        best = if next.cost < best.cost { next } else { best };
     }
     let Grouped { mut builder, mut patches, .. } = best;
     let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
     if is_tried.contains(&true) {
-        builder.unroll_unions(&mut patches, &is_tried, may_gain);
-        watch.check()?;
+        watch.expect(time::grouped(count) + time::UNROLLING + time::SIZING);
+        builder.unroll_unions(&mut patches, &is_tried, may_gain, time::grouped(count))?;
         builder.number_groups(&patches);
     }
     let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
     Ok(Grouping { laid, fan_groups: builder.fan_groups })
+}
+
+/// Tells how long a cover of so many fans takes at most, most probably.
+pub(crate) fn expect_groups(watch: &Watch<'_>, fans: usize) {
+    expect_ways(watch, if fans > MAX_UNROLLED_FLAT_FANS { 1 } else { WAYS.len() });
+}
+
+/// Several ways are for meshes that are laid flat freely.
+fn expect_ways(watch: &Watch<'_>, ways: usize) {
+    let unrolling = if ways > 1 { time::UNROLLING } else { 0.0 };
+    watch.expect(time::grouped(ways) + unrolling + time::SIZING);
 }
 
 /// Meshes of at most so many fans are cut in all ways and laid flat freely.
@@ -194,21 +211,24 @@ impl Grouped<'_> {
 const WAYS: [(f32, f32); 5] =
     [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
 
+/// `number` of the ways that are tried before this one.
 fn grouped<'a>(
     surface: &'a Surface<'a>,
     shapes: &'a [FanShape],
     density: &'a NominalDensity<'a>,
     limits: &'a GroupLimits,
     (tolerance, normals_below): (f32, f32),
-    watch: &'a Watch<'a>,
+    (number, watch): (usize, &'a Watch<'a>),
 ) -> Result<Grouped<'a>> {
+    let (begun, count) = (time::grouped(number), shapes.len());
     let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below, watch };
     let fans = FanSet { surface, shapes, density };
+    watch.begin(begun + time::CUT, count)?;
     let (order, lengths) = partition(&fans, &cutting);
-    watch.check()?;
+    watch.begin(begun + time::CONNECTED, 0)?;
     let mut connector = Connector::new(fans);
     let (order, lengths) = connector.connect(&order, &lengths, limits.facing);
-    let fan_groups = vec![0; shapes.len()];
+    let fan_groups = vec![0; count];
     let apart = surface.fans_across_creases();
     let mut builder = Builder {
         surface,
@@ -222,12 +242,14 @@ fn grouped<'a>(
         apart,
         watch,
     };
-    watch.check()?;
+    watch.begin(begun + time::FLATTENED, count)?;
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
+    let mut left = time::JOINED - time::FLATTENED;
     for _ in 0..JOIN_ROUNDS {
-        watch.check()?;
+        left *= time::LEFT_PER_ROUND;
+        watch.begin(begun + time::JOINED - left, count)?;
         let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
         let before = patches.len();
         patches = builder.join(patches, &joined);
@@ -236,7 +258,7 @@ fn grouped<'a>(
             break;
         }
     }
-    watch.check()?;
+    watch.begin(time::grouped(number + 1), patches.len())?;
     builder.unfold_lone_fans(&mut patches);
     let cost = patches.iter().map(Patch::cost).sum();
     Ok(Grouped { cost, builder, patches })
@@ -293,7 +315,9 @@ impl Builder<'_> {
                 .par_iter()
                 .enumerate()
                 .map_init(Flattener::default, |flattener, (i, &(start, length))| {
-                    self.flatten_piece(start, length, first_label + i as u32, flattener)
+                    let flat = self.flatten_piece(start, length, first_label + i as u32, flattener)?;
+                    self.watch.add(length as usize);
+                    Some(flat)
                 })
                 .collect();
             self.unused_label += pending.len() as u32;
@@ -403,10 +427,11 @@ impl Builder<'_> {
         let laid: Vec<Option<Patch>> = (0..runs.len())
             .into_par_iter()
             .map_init(Flattener::default, |flattener, i| {
+                let (start, end) = runs[i];
+                self.watch.add((end - start) as usize);
                 if unions[i].len() < 2 {
                     return None;
                 }
-                let (start, end) = runs[i];
                 let union = self.flatten_piece(start, end - start, first_label + i as u32, flattener)?;
                 let apart: f32 = unions[i].iter().map(|&(_, p)| patches[p as usize].cost()).sum();
                 (union.cost() < apart).then_some(union)
@@ -480,8 +505,14 @@ impl Builder<'_> {
     }
 
     /// Lays unions of neighbours flat freely where that costs less, of the patches that are tried. `is_thorough`: also those that only pay if they
-    /// fill a square.
-    fn unroll_unions(&mut self, patches: &mut Vec<Patch>, is_tried: &[bool], is_thorough: bool) {
+    /// fill a square. `begun`: the time before.
+    fn unroll_unions(
+        &mut self,
+        patches: &mut Vec<Patch>,
+        is_tried: &[bool],
+        is_thorough: bool,
+        begun: f32,
+    ) -> Result<()> {
         self.number_groups(patches);
         let mut neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
         for (around, &is_own) in neighbours.iter_mut().zip(is_tried) {
@@ -494,7 +525,7 @@ impl Builder<'_> {
             is_thorough,
             builder: self,
         };
-        unrolling.run(is_tried);
+        unrolling.run(is_tried, begun)?;
         let Unrolling { patches: unions, fans, .. } = unrolling;
         let mut order = Vec::with_capacity(self.order.len());
         for (patch, fans) in unions.into_iter().zip(fans) {
@@ -504,6 +535,7 @@ impl Builder<'_> {
             }
         }
         self.order = order;
+        Ok(())
     }
 }
 
@@ -526,10 +558,13 @@ const UNROLLED_ROUNDS: usize = 32;
 const MIN_UNROLLING_GAIN: f32 = 0.02;
 
 impl Unrolling<'_> {
-    fn run(&mut self, is_tried: &[bool]) {
+    fn run(&mut self, is_tried: &[bool], begun: f32) -> Result<()> {
+        let watch = self.builder.watch;
+        watch.begin(begun + time::UNROLLED_ALONE, self.patches.len())?;
         let alone: Vec<Option<Patch>> = (0..self.patches.len() as u32)
             .into_par_iter()
             .map_init(Flattener::default, |flattener, p| {
+                watch.add(1);
                 if is_tried[p as usize] { self.unrolled(&[p], flattener) } else { None }
             })
             .collect();
@@ -537,11 +572,10 @@ impl Unrolling<'_> {
             *patch = alone;
         }
         let mut proposals: Vec<Proposal> = Vec::new();
+        let mut left = time::UNROLLING - time::UNROLLED_ALONE;
         for _ in 0..UNROLLED_ROUNDS {
-            if self.builder.watch.has_ended() {
-                break;
-            }
-            let new = self.propose(&proposals);
+            left *= time::LEFT_PER_ROUND;
+            let new = self.propose(&proposals, begun + time::UNROLLING - left)?;
             proposals.extend(new);
             if proposals.is_empty() {
                 break;
@@ -561,17 +595,22 @@ impl Unrolling<'_> {
             waiting.retain(|proposal| !proposal.pair.iter().any(|&p| taken[p as usize]));
             proposals = waiting;
         }
+        watch.check()
     }
 
-    /// The unions that patches without one among `waiting` would choose; those that turn out too dear are not tried again.
-    fn propose(&mut self, waiting: &[Proposal]) -> Vec<Proposal> {
+    /// The unions that patches without one among `waiting` would choose; those that turn out too dear are not tried again. `until`: when that is
+    /// done.
+    fn propose(&mut self, waiting: &[Proposal], until: f32) -> Result<Vec<Proposal>> {
         let mut waits = vec![false; self.patches.len()];
         waiting.iter().flat_map(|proposal| proposal.pair).for_each(|p| waits[p as usize] = true);
         let patches = (0..waits.len() as u32).into_par_iter().filter(|&p| !waits[p as usize]);
         let mut pairs: Vec<[u32; 2]> = patches.filter_map(|p| self.best_pair(p)).collect();
         pairs.par_sort_unstable();
         pairs.dedup();
+        let watch = self.builder.watch;
+        watch.begin(until, pairs.len())?;
         let tried = pairs.par_iter().map_init(Flattener::default, |flattener, &pair| {
+            watch.add(1);
             let union = self.unrolled(&pair, flattener)?;
             let apart: f32 =
                 pair.iter().filter_map(|&p| self.patches[p as usize].as_ref()).map(Patch::cost).sum();
@@ -582,7 +621,7 @@ impl Unrolling<'_> {
             self.neighbours[a as usize].retain(|n| n.0 != b);
             self.neighbours[b as usize].retain(|n| n.0 != a);
         }
-        tried.into_iter().flatten().collect()
+        Ok(tried.into_iter().flatten().collect())
     }
 
     /// A patch and the neighbour with which it promises to save most, lower first.
@@ -719,13 +758,21 @@ fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
 // one gathering of its ring while that is in the first cache.
 
 /// Lays every fan flat, in the order of a Morton curve.
-pub(crate) fn lay_fans(surface: &Surface<'_>, density: &NominalDensity<'_>, delta: f32) -> Vec<Laid> {
+pub(crate) fn lay_fans(
+    surface: &Surface<'_>,
+    density: &NominalDensity<'_>,
+    delta: f32,
+    watch: &Watch<'_>,
+) -> Vec<Laid> {
     let curve = curve(surface);
     curve
         .par_iter()
         .with_min_len(1 << 10)
         .map_init(Layer::default, |layer, &key| {
             let fan = key as u32;
+            if fan.is_multiple_of(1024) {
+                watch.add(1024);
+            }
             layer.lay(surface, fan, density.of_fan(surface, fan as usize), delta)
         })
         .collect()

@@ -35,6 +35,7 @@ mod surface;
 mod texel_uses;
 mod unfolded;
 mod unroll;
+mod watch;
 
 pub use blocks::*;
 pub use build::*;

@@ -10,7 +10,6 @@ use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::build::Watch;
 use crate::cone::Cone;
 use crate::cost::{self, Region};
 use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
@@ -19,6 +18,7 @@ use crate::merge::sum_by_name;
 use crate::nominal::{Demand, NominalDensity};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
+use crate::watch::Watch;
 
 /// The fans of a surface, each with its shape.
 #[derive(Clone, Copy)]
@@ -174,7 +174,7 @@ fn divide_fans(
     let mut ring = Ring::default();
     let picked: Vec<Item> = samples(order).map(|&fan| fans.item(&mut ring, fan)).collect();
     let (whole, cut) = cut_of(&picked, order.len(), cutting, scratch);
-    let Some(cut) = cut else { return (whole, vec![order.len() as u32]) };
+    let Some(cut) = cut else { return uncut(whole, order.len(), cutting) };
     let key = |fan: u32| fans.key(&cut, fan);
     let is_left = |&fan: &u32| key(fan) < cut.threshold;
     let is_left: Vec<bool> = order.par_iter().with_min_len(4096).map(is_left).collect();
@@ -205,7 +205,7 @@ fn divide(items: &mut [Item], cutting: &Cutting<'_>, scratch: &mut Scratch) -> (
     };
     let (whole, cut) = cut_of(sampled, items.len(), cutting, scratch);
     scratch.picked = picked;
-    let Some(cut) = cut else { return (whole, vec![items.len() as u32]) };
+    let Some(cut) = cut else { return uncut(whole, items.len(), cutting) };
     let key = |item: &Item| cut.key(item);
     let middle = separate(items, |item| key(item) < cut.threshold);
     let middle = match middle == 0 || middle == items.len() {
@@ -220,6 +220,12 @@ fn divide(items: &mut [Item], cutting: &Cutting<'_>, scratch: &mut Scratch) -> (
         (divide(left, cutting, scratch), divide(right, cutting, scratch))
     };
     cheaper(whole, first, second, cutting)
+}
+
+/// A set that is not cut.
+fn uncut(whole: f32, count: usize, cutting: &Cutting<'_>) -> (f32, Vec<u32>) {
+    cutting.watch.add(count);
+    (whole, vec![count as u32])
 }
 
 /// What a set of `count` items, of which some were picked, costs as one patch; and where it is cut, if it is.
@@ -833,13 +839,13 @@ mod tests {
         let (mesh, _) = clean(landscape(&options).unwrap().into(), &CleanOptions::default()).unwrap();
         let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
         let surface = Surface::new(&mesh, Fans::by_angle(&mesh, &vertex_corners));
-        let shapes = crate::build::shape_fans(&surface);
+        let watch = &Watch::new(&|_| true);
+        let shapes = crate::build::shape_fans(&surface, watch);
         // Long sets are cut without regard to their normals, short ones with it.
         for texels in [20_000, 4_000_000] {
             let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
             let density = NominalDensity::new(&surface, &options);
             let fans = FanSet { surface: &surface, shapes: &shapes, density: &density };
-            let watch = &Watch::new(&|| true);
             let cutting = Cutting { extent_texels: 512.0, tolerance: 1.03, normals_below: 768.0, watch };
             let at_once = partition_by(&fans, &cutting, usize::MAX);
             assert!(at_once.1.len() > 8, "{} patches", at_once.1.len());

@@ -96,13 +96,14 @@ impl SplitMesh {
 
 /// Unwraps triangles as they come: repeated, without area, with positions that are no numbers. Each gets coordinates: one that repeats
 /// another has the other's, one without area lies in a point. Where there are more pieces than the square holds, it grows up to
-/// [`MAX_SIDE`] texels. `side` is that of the square in the end.
+/// [`MAX_SIDE`] texels. `side` is that of the square in the end. `clean` says which vertices are joined.
 ///
 /// # Errors
 /// An index or an option is out of its range, there are more pieces than the largest square holds, or `progress` asked to stop.
 pub fn unwrap_triangles(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
+    clean: &CleanOptions,
     options: &UnwrapOptions,
     progress: &dyn Progress,
 ) -> Result<(SplitMesh, Unwrapped)> {
@@ -121,7 +122,7 @@ pub fn unwrap_triangles(
         ..Model::default()
     };
     let mut corners = vec![[Vec2::ZERO; 3]; triangles.len()];
-    let (mesh, _, origins) = match clean_traced(model, &CleanOptions::default()) {
+    let (mesh, _, origins) = match clean_traced(model, clean) {
         Ok(cleaned) => cleaned,
         // Nothing has an area.
         Err(error) if error.kind() == ErrorKind::Malformed => {

@@ -27,7 +27,7 @@ pub struct DisplacePoint {
 }
 
 /// What was done.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct DisplaceReport {
     /// How often edges were cut.
     pub rounds: u32,

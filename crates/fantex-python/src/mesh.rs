@@ -8,8 +8,8 @@ use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::look::look_of_model;
 use fantex::mesh::{
-    CornerAttributes, ImageSource, Material, Mesh as Geometry, Model, TextureRef, Topology, VertexCorners,
-    WrapMode, WriteGeometry, write_model,
+    CleanOptions, CornerAttributes, ImageSource, Material, Mesh as Geometry, Model, TextureRef, Topology,
+    VertexCorners, WrapMode, WriteGeometry, write_model,
 };
 use fantex::render::LookSurface;
 use fantex::texture::ColorSpace;
@@ -39,13 +39,15 @@ impl Mesh {
 impl Mesh {
     /// Reads a model file, or the mesh of an asset.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        watched(py, None, |_| fantex::Mesh::open(&path)).map(|mesh| Self(Arc::new(mesh)))
+    #[pyo3(signature = (path, weld=None))]
+    fn load(py: Python<'_>, path: PathBuf, weld: Option<f64>) -> PyResult<Self> {
+        watched(py, None, |_| fantex::Mesh::open_with(&path, &welding(weld))).map(|mesh| Self(Arc::new(mesh)))
     }
 
     /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.
     #[staticmethod]
-    #[pyo3(signature = (positions, faces, colors=None, normals=None, uv=None, image=None))]
+    #[pyo3(signature = (positions, faces, colors=None, normals=None, uv=None, image=None, weld=None))]
+    #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn of_arrays(
         py: Python<'_>,
         positions: PyReadonlyArray2<'_, f64>,
@@ -54,6 +56,7 @@ impl Mesh {
         normals: Option<PyReadonlyArray2<'_, f32>>,
         uv: Option<PyReadonlyArray2<'_, f32>>,
         image: Option<Vec<u8>>,
+        weld: Option<f64>,
     ) -> PyResult<Self> {
         let positions = rows::<3, f64>(&positions, "positions")?;
         let faces = triangles(&faces, positions.len())?;
@@ -90,7 +93,7 @@ impl Mesh {
         let mesh = watched(py, None, |_| {
             // Given by hand, it is not left out.
             model.images.iter().try_for_each(|image| read_image(image, ColorSpace::Srgb).map(drop))?;
-            fantex::Mesh::from_model(model, "the mesh")
+            fantex::Mesh::from_model_with(model, "the mesh", &welding(weld))
         })?;
         Ok(Self(Arc::new(mesh)))
     }
@@ -221,26 +224,34 @@ pub(crate) fn world_positions<'py>(
     array(py, &world)
 }
 
+/// How meshes are cleaned whose vertices are joined up to a distance.
+fn welding(distance: Option<f64>) -> CleanOptions {
+    CleanOptions { weld_distance: distance.unwrap_or(0.0), ..CleanOptions::default() }
+}
+
 type Unwrapping<'py> =
     (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>, usize, u32);
 
 /// Unwraps triangles: vertex mapping, faces, texture coordinates with v upwards, number of charts, side of the square.
 #[pyfunction]
-#[pyo3(signature = (positions, faces, side, padding, progress))]
+#[pyo3(signature = (positions, faces, side, padding, weld, progress))]
 pub(crate) fn parametrize<'py>(
     py: Python<'py>,
     positions: PyReadonlyArray2<'py, f64>,
     faces: PyReadonlyArray2<'py, i64>,
     side: u32,
     padding: Option<u32>,
+    weld: Option<f64>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Unwrapping<'py>> {
     let positions: Vec<DVec3> =
         rows::<3, f64>(&positions, "positions")?.into_iter().map(DVec3::from).collect();
     let faces = triangles(&faces, positions.len())?;
     let options = UnwrapOptions { side, padding };
-    let (mesh, unwrapped) =
-        watched(py, progress.as_ref(), |watch| unwrap_triangles(&positions, &faces, &options, watch))?;
+    let clean = welding(weld);
+    let (mesh, unwrapped) = watched(py, progress.as_ref(), |watch| {
+        unwrap_triangles(&positions, &faces, &clean, &options, watch)
+    })?;
     let uv: Vec<[f32; 2]> = mesh.uv.iter().map(upwards).collect();
     let (vertices, faces) = (mesh.vertices.to_pyarray(py), array(py, &mesh.triangles)?);
     Ok((vertices, faces, array(py, &uv)?, unwrapped.charts, unwrapped.side))

@@ -25,7 +25,7 @@ pyo3::create_exception!(
 );
 
 /// Flags and commands in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 24] = [
+const ARGUMENTS: [(&str, &str); 25] = [
     ("'fantex world --make-coarse'", "fantex.make_world(..., make_coarse=True)"),
     ("'fantex split'", "fantex.split"),
     ("--channel displacement", "export_channels({\"displacement\": ...})"),
@@ -41,6 +41,7 @@ const ARGUMENTS: [(&str, &str); 24] = [
     ("--format rgba8", "format=\"rgba8\""),
     ("--longest-edge", "longest_edge="),
     ("--padding", "padding="),
+    ("--weld", "weld="),
     ("--uv and --model", "uv="),
     ("--uv source", "uv=\"source\""),
     ("--uv", "uv="),

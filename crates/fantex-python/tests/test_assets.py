@@ -127,7 +127,8 @@ def test_progress_may_end_a_bake(tmp_path, sphere):
 
 def test_what_the_last_call_raises_comes_after_the_file(tmp_path, sphere):
     def progress(done, total):
-        if done == total:
+        # The covering ends at a total of 1000.
+        if done == total > 1000:
             raise RuntimeError("too late")
 
     with pytest.raises(RuntimeError, match="too late"):
@@ -598,6 +599,38 @@ def test_a_bake_says_what_cleaning_did(tmp_path, sphere):
     soup, own = positions[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
     asset = fantex.bake((soup, own), tmp_path / "soup.fan", texels=20_000, source=pattern)
     assert any("welded" in note for note in asset.baked["notes"]), asset.baked
+
+
+def test_copies_of_vertices_that_were_rounded_are_joined(tmp_path, sphere):
+    """A soup whose corners differ by less than a millionth of its size."""
+    positions, faces = sphere
+    noise = np.random.default_rng(5).uniform(-1e-7, 1e-7, (3 * len(faces), 3))
+    soup = positions[faces].reshape(-1, 3) + noise, np.arange(3 * len(faces)).reshape(-1, 3)
+    torn = fantex.Mesh(*soup)
+    assert torn.info["components"] == len(faces)
+    (note,) = (note for note in torn.notes if "within a millionth" in note)
+    assert "weld= joins" in note and "--" not in note
+    joined = fantex.Mesh(*soup, weld=1e-6)
+    assert joined.info["components"] == 1 and len(joined.positions) == len(fantex.Mesh(*sphere).positions)
+    joined.save(tmp_path / "joined.ply")
+    torn.save(tmp_path / "torn.ply")
+    settings = {"texels": 20_000, "source": fantex.solid("marble"), "longest_edge": 0}
+    asset = fantex.bake(tmp_path / "torn.ply", tmp_path / "a.fan", weld=1e-6, **settings)
+    assert asset.baked["tiles"] < len(faces) / 8
+    # Parts are baked of the same mesh.
+    plan = fantex.plan(tmp_path / "torn.ply", tmp_path / "a.plan", weld=1e-6, **settings)
+    fantex.bake_part(plan, (1, 1), tmp_path / "a.part")
+    fantex.merge(plan, [tmp_path / "a.part"], tmp_path / "b.fan")
+    assert (tmp_path / "a.fan").read_bytes() == (tmp_path / "b.fan").read_bytes()
+    charts = [fantex.parametrize(*soup, weld=weld, resolution=256).charts for weld in (None, 1e-6)]
+    assert charts[1] < charts[0] / 8
+    for wrong in (0, -1, float("nan")):
+        with pytest.raises(ValueError, match="expected a length above zero"):
+            fantex.Mesh(*soup, weld=wrong)
+    with pytest.raises(ValueError, match="cleaned already"):
+        fantex.bake(torn, tmp_path / "c.fan", weld=1e-6)
+    with pytest.raises(ValueError, match="weld= is for models"):
+        fantex.Mesh.load(tmp_path / "a.fan", weld=1e-6)
 
 
 def test_parts_of_a_bake_from_an_asset(tmp_path, waves):

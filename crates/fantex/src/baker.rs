@@ -3,6 +3,7 @@
 #[cfg(feature = "export")]
 mod model;
 mod more_channels;
+mod observer;
 mod parts;
 #[cfg(feature = "photos")]
 mod photos;
@@ -10,7 +11,6 @@ mod source;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::fmt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -33,6 +33,7 @@ pub use photos::PhotoSet;
 pub use source::Source;
 
 use self::more_channels::WithChannels;
+use self::observer::Observer;
 use self::source::Kind;
 use crate::asset_materials::{AssetChannels, of_transfer, without_textures};
 use crate::look_scene::{LookBake, MaterialResolver};
@@ -71,14 +72,6 @@ pub struct Baker<'a> {
     progress: Observer<'a>,
 }
 
-struct Observer<'a>(&'a dyn Progress);
-
-impl fmt::Debug for Observer<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("progress")
-    }
-}
-
 impl<'a> Baker<'a> {
     /// Texels where nothing else says how many, not even [`default_texels`](Self::default_texels).
     pub const DEFAULT_TEXELS: u64 = 4_000_000;
@@ -108,7 +101,7 @@ impl<'a> Baker<'a> {
             longest_edge: None,
             seed: DEFAULT_SEED,
             options: BakeOptions::default(),
-            progress: Observer(&NoProgress),
+            progress: Observer::new(&NoProgress),
         }
     }
 
@@ -193,7 +186,7 @@ impl<'a> Baker<'a> {
 
     /// Who hears of progress, and may end the bake.
     pub fn progress(self, progress: &'a dyn Progress) -> Self {
-        Self { progress: Observer(progress), ..self }
+        Self { progress: Observer::new(progress), ..self }
     }
 
     /// Bakes into a file, which is written whole or not at all.
@@ -307,7 +300,7 @@ impl<'a> Baker<'a> {
                 let mesh = self.refined(&mesh, cuts, None)?;
                 self.leave_out(look.left_out(), goal)?;
                 let notes = if goal.is_part() { Vec::new() } else { look.notes(&mesh) };
-                notes.iter().for_each(|note| self.progress.0.note(note));
+                notes.iter().for_each(|note| self.progress.progress.note(note));
                 let baked = look.with_source(&mesh, |source| self.bake(&mesh, source, None, goal))??;
                 let left_out = look.left_out().clone();
                 Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), left_out, ..baked })
@@ -388,7 +381,7 @@ impl<'a> Baker<'a> {
             millions(own.given())
         );
         let note = Some(note).filter(|_| own.given() < own.texels);
-        note.iter().for_each(|note| self.progress.0.note(note));
+        note.iter().for_each(|note| self.progress.progress.note(note));
         note
     }
 
@@ -409,7 +402,7 @@ impl<'a> Baker<'a> {
             Self::CRISP_TEXELS
         );
         let note = Some(note).filter(|_| materials > 0);
-        note.iter().for_each(|note| self.progress.0.note(note));
+        note.iter().for_each(|note| self.progress.progress.note(note));
         note
     }
 
@@ -420,7 +413,7 @@ impl<'a> Baker<'a> {
             "at the density of the model's own textures these are about {millions} million texels; a number of texels may be given instead"
         );
         let note = Some(note).filter(|_| texels > Self::MANY_TEXELS);
-        note.iter().for_each(|note| self.progress.0.note(note));
+        note.iter().for_each(|note| self.progress.progress.note(note));
         note
     }
 
@@ -482,7 +475,10 @@ impl<'a> Baker<'a> {
             let options = &ExportOptions { texels: texels.or(options.texels), ..options.clone() };
             return match model::needs_tiles(mesh, source) {
                 true => self.model_of_asset(mesh, source, own_density, path, options),
-                false => self.model(mesh, source, &budget, path, options),
+                false => {
+                    self.progress.end_covering();
+                    self.model(mesh, source, &budget, path, options)
+                }
             };
         }
         // Larger numbers were told of before.
@@ -498,10 +494,11 @@ impl<'a> Baker<'a> {
             }
             _ => {
                 let (cover, stats) =
-                    self.while_wanted(|is_wanted| build_cover_while(mesh, &options, is_wanted))?;
+                    self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))?;
                 (Cow::Owned(cover), stats)
             }
         };
+        self.progress.end_covering();
         let cover_time = started.elapsed();
         let untold = if is_own_density && !is_told { stats.texels } else { 0 };
         let notes = Vec::from_iter(self.note_of_many(untold));
@@ -520,9 +517,9 @@ impl<'a> Baker<'a> {
                 let recipe = &mut *recipe.borrow_mut();
                 self.add_files(recipe)?;
                 plan.check_recipe(recipe)?;
-                bake_part(mesh, plan, shard, source, path, &self.options, self.progress.0)?
+                bake_part(mesh, plan, shard, source, path, &self.options, self.progress.progress)?
             }
-            _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.0)?,
+            _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.progress)?,
         };
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
@@ -539,14 +536,8 @@ impl<'a> Baker<'a> {
         })
     }
 
-    /// Does what asks whether it is wanted.
-    fn while_wanted<T>(&self, work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T) -> T {
-        let progress = self.progress.0;
-        work(&|| !progress.is_cancelled())
-    }
-
     fn check_cancelled(&self) -> Result<()> {
-        match self.progress.0.is_cancelled() {
+        match self.progress.progress.is_cancelled() {
             true => Err(Error::cancelled("the bake was ended")),
             false => Ok(()),
         }
@@ -570,7 +561,7 @@ impl<'a> Baker<'a> {
         own_density: Option<&[f32]>,
     ) -> Result<Cow<'m, fantex_mesh::Mesh>> {
         let budget = self.nominal_budget(mesh, own_density);
-        self.while_wanted(|is_wanted| cuts.refined_while(mesh, &budget, self.tile, is_wanted))
+        self.progress.covering(|goes_on| cuts.refined_while(mesh, &budget, self.tile, goes_on))
     }
 
     /// How many texels a mesh gets, about. `own_density` as in [`bake`](Self::bake).
@@ -820,6 +811,8 @@ mod tests {
         fn report(&self, _: u64, _: u64) {
             panic!("the first tile was begun");
         }
+
+        fn prepare(&self, _: &'static str, _: f32) {}
 
         fn is_cancelled(&self) -> bool {
             self.0.fetch_update(Relaxed, Relaxed, |left| left.checked_sub(1)).is_err()

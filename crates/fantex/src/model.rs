@@ -4,7 +4,7 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_mesh::{
     CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
 };
@@ -32,11 +32,19 @@ impl Mesh {
     /// # Errors
     /// The file cannot be read, is malformed or too large, or nothing is left of it after cleaning.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        Self::load_with(path, &CleanOptions::default())
+    }
+
+    /// As [`load`](Self::load), cleaned as the options say.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn load_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
         let path = path.as_ref();
         let started = Instant::now();
         let model = load(path, &LoadOptions::default())?;
         let load_time = started.elapsed();
-        let mesh = Self::from_model(model, path)?;
+        let mesh = Self::from_model_with(model, path, options)?;
         Ok(Self { load_time, ..mesh })
     }
 
@@ -44,12 +52,20 @@ impl Mesh {
     ///
     /// # Errors
     /// Nothing is left after cleaning, or an index is out of range.
-    pub fn from_model(mut model: Model, path: impl AsRef<Path>) -> Result<Self> {
+    pub fn from_model(model: Model, path: impl AsRef<Path>) -> Result<Self> {
+        Self::from_model_with(model, path, &CleanOptions::default())
+    }
+
+    /// As [`from_model`](Self::from_model), cleaned as the options say.
+    ///
+    /// # Errors
+    /// As [`from_model`](Self::from_model).
+    pub fn from_model_with(mut model: Model, path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
         let started = Instant::now();
         // Errors name the file as it was given.
         model.name = path.as_ref().display().to_string();
         let mut notes = model.notes.clone();
-        let (mesh, report, origins) = clean_traced(model, &CleanOptions::default())?;
+        let (mesh, report, origins) = clean_traced(model, options)?;
         notes.extend(report.lines());
         Ok(Self {
             mesh,
@@ -76,11 +92,23 @@ impl Mesh {
     /// # Errors
     /// As [`load`](Self::load) and [`Asset::open`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_with(path, &CleanOptions::default())
+    }
+
+    /// As [`open`](Self::open), a model cleaned as the options say.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open); an asset, whose mesh was cleaned before it was baked, is not cleaned again.
+    pub fn open_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
         let path = path.as_ref();
         match FileKind::of(path)? {
+            FileKind::Asset if *options != CleanOptions::default() => Err(Error::invalid(format!(
+                "--weld is for models, and {} is an asset, whose mesh is as it was baked; leave it out",
+                path.display()
+            ))),
             FileKind::Asset => Ok(Self::of_asset(&Asset::open(path)?)),
             FileKind::World => Err(FileKind::world_instead(path)),
-            FileKind::Model | FileKind::Look => Self::load(path),
+            FileKind::Model | FileKind::Look => Self::load_with(path, options),
         }
     }
 

@@ -64,10 +64,11 @@ pub enum LongestEdge {
 impl LongestEdge {
     /// The mesh that is covered with such a budget in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
     pub fn refined<'m>(self, mesh: &'m Mesh, budget: &TexelBudget, tile: u32) -> Cow<'m, Mesh> {
-        self.refined_while(mesh, budget, tile, &|| true).unwrap_or(Cow::Borrowed(mesh))
+        self.refined_while(mesh, budget, tile, &|_| true).unwrap_or(Cow::Borrowed(mesh))
     }
 
-    /// As [`refined`](Self::refined), but ends soon once it is not wanted any more.
+    /// As [`refined`](Self::refined), but ends soon once it is not wanted any more. `goes_on` is asked that and told how much of the
+    /// covering is done, from 0 to 1: covers that are tried, and that of the mesh which is found, which comes afterwards.
     ///
     /// # Errors
     /// It is not wanted any more.
@@ -76,7 +77,7 @@ impl LongestEdge {
         mesh: &'m Mesh,
         budget: &TexelBudget,
         tile: u32,
-        is_wanted: &(dyn Fn() -> bool + Sync),
+        goes_on: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<Cow<'m, Mesh>> {
         if self.leaves_whole(mesh, tile) {
             return Ok(Cow::Borrowed(mesh));
@@ -88,7 +89,7 @@ impl LongestEdge {
             return Ok(Cow::Borrowed(mesh));
         }
         match self {
-            Self::Automatic => automatic(mesh, texels, tile, longest, is_wanted),
+            Self::Automatic => automatic(mesh, texels, tile, longest, goes_on),
             Self::Texels(edge) => {
                 let most = MAX_TRIANGLES.max(mesh.triangles.len() as u64);
                 let mut wanted = f64::from(edge) / density;
@@ -120,7 +121,7 @@ fn automatic<'m>(
     texels: f64,
     tile: u32,
     longest: f64,
-    is_wanted: &(dyn Fn() -> bool + Sync),
+    goes_on: &(dyn Fn(f32) -> bool + Sync),
 ) -> Result<Cow<'m, Mesh>> {
     let whole = Cow::Borrowed(mesh);
     let triangles = mesh.triangles.len() as f64;
@@ -131,35 +132,50 @@ fn automatic<'m>(
     if has_thin_borders || lengths.peek().is_none() {
         return Ok(whole);
     }
+    // All that may be tried; then it is known how much there is to do.
+    let mut most = (MIN_GROWTH * triangles) as usize;
+    let cut = lengths.map_while(|length| refine_at_bends(mesh, length as f32, MAX_TRIANGLES_AUTOMATIC).ok());
+    // Not those that cut no more than the one before, or too little.
+    let cut = cut.filter(|refined| {
+        let is_more = refined.triangles.len() > most;
+        most = most.max(refined.triangles.len());
+        is_more
+    });
+    let cut: Vec<Mesh> = cut.collect();
+    let all: f64 = triangles + cut.iter().map(|refined| refined.triangles.len() as f64).sum::<f64>();
+    let with_result = all + all / (1 + cut.len()) as f64;
+    let mut done = 0.0;
+
     let budget = TexelBudget::Total(texels as u64);
     let options = CoverOptions { budget, tile, ..CoverOptions::default() };
     let cost_of_bytes =
         |mesh: &Mesh| 20.0 * (1.0 + TRIANGLE_TEXELS * mesh.triangles.len() as f64 / texels).log10();
     // None for what cannot be covered, as its tiles were too long.
-    let cost = |mesh: &Mesh| match build_cover_while(mesh, &options, is_wanted) {
-        Ok((_, CoverStats { loss_db, .. })) => Ok(Some(loss_db + cost_of_bytes(mesh))),
-        Err(error) if error.is_cancelled() => Err(error),
-        Err(_) => Ok(None),
+    let mut cost = |mesh: &Mesh| {
+        let own = mesh.triangles.len() as f64;
+        let goes_on = |share| goes_on(((done + own * f64::from(share)) / with_result) as f32);
+        let covered = build_cover_while(mesh, &options, &goes_on);
+        done += own;
+        match covered {
+            Ok((_, CoverStats { loss_db, .. })) => Ok(Some(loss_db + cost_of_bytes(mesh))),
+            Err(error) if error.is_cancelled() => Err(error),
+            Err(_) => Ok(None),
+        }
     };
     // What cannot be covered as it is gains by any cuts.
     let limit = cost(mesh)?.map_or(f64::INFINITY, |cost| cost - MIN_GAIN);
     let mut best: Option<(f64, Mesh)> = None;
-    let mut most = (MIN_GROWTH * triangles) as usize;
-    for length in lengths {
-        let Ok(refined) = refine_at_bends(mesh, length as f32, MAX_TRIANGLES_AUTOMATIC) else { break };
+    for refined in cut {
         if cost_of_bytes(&refined) >= best.as_ref().map_or(limit, |(cost, _)| *cost) {
             break;
         }
-        // Those that cut no more than the one before, or too little.
-        if refined.triangles.len() <= most {
-            continue;
-        }
-        most = refined.triangles.len();
         let Some(cost) = cost(&refined)? else { continue };
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, refined));
         }
     }
+    // Those that were not tried were left out.
+    goes_on((all / with_result) as f32);
     Ok(match best {
         Some((cost, refined)) if cost < limit => Cow::Owned(refined),
         _ => whole,

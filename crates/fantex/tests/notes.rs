@@ -8,7 +8,7 @@ use std::sync::Mutex;
 #[cfg(feature = "export")]
 use fantex::export::{ChannelMap, ExportSummary};
 use fantex::store::Plan;
-use fantex::{Baker, ErrorKind, Mesh, NoProgress, Progress, Source};
+use fantex::{Baker, ErrorKind, LongestEdge, Mesh, NoProgress, Progress, Source};
 #[cfg(feature = "export")]
 use fantex::{ModelKind, model_notes};
 use fantex_mesh::{LoadOptions, load};
@@ -84,6 +84,55 @@ fn many_texels_that_nobody_asked_for_are_told_of_before_the_first() {
     assert_eq!(baked.notes.iter().filter(|note| is_many(note)).count(), 1, "{:?}", baked.notes);
     let asked_for = Baker::new(&mesh).texels(100_000_000).overwrite(true).write_plan(&path, b"").unwrap();
     assert!(!asked_for.notes.iter().any(|note| note.contains("million texels")), "{:?}", asked_for.notes);
+}
+
+/// Words and shares of what comes before texels, and reports of these.
+#[derive(Default)]
+struct Heard(Mutex<(Vec<f32>, Vec<[u64; 2]>)>);
+
+impl Progress for Heard {
+    fn report(&self, done: u64, total: u64) {
+        self.0.lock().unwrap().1.push([done, total]);
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        let mut heard = self.0.lock().unwrap();
+        assert!(word == "covering" && heard.1.is_empty(), "{word}");
+        heard.0.push(share);
+    }
+}
+
+/// The covers that are tried, and the last one, are one step, which only ever goes on.
+#[test]
+fn a_bake_tells_how_much_of_its_model_is_covered() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torus.fan");
+    let mesh = Mesh::from_model(fantex_mesh::generate::torus(40, 26), "torus").unwrap();
+    let whole = LongestEdge::Texels(0);
+    let baker = || Baker::new(&mesh).source(Source::solid("wood")).texels(60_000).overwrite(true);
+    for (longest_edge, is_plan) in [(whole, true), (whole, false), (LongestEdge::Automatic, true)] {
+        let heard = Heard::default();
+        let baker = baker().longest_edge(longest_edge).progress(&heard);
+        if is_plan { baker.write_plan(&path, b"") } else { baker.write(&path) }.unwrap();
+        let (shares, reports) = heard.0.into_inner().unwrap();
+        assert!(shares.len() > 10 && shares[0] == 0.0 && shares[shares.len() - 1] == 1.0, "{shares:?}");
+        assert!(shares.windows(2).all(|pair| pair[0] < pair[1]), "{shares:?}");
+        assert_eq!(reports.is_empty(), is_plan);
+    }
+    // Whoever knows no such steps hears of thousandths first.
+    #[derive(Default)]
+    struct Reports(Mutex<Vec<[u64; 2]>>);
+    impl Progress for Reports {
+        fn report(&self, done: u64, total: u64) {
+            self.0.lock().unwrap().push([done, total]);
+        }
+    }
+    let heard = Reports::default();
+    baker().longest_edge(whole).progress(&heard).write(&path).unwrap();
+    let reports = heard.0.into_inner().unwrap();
+    let covered = reports.iter().position(|report| *report == [1000, 1000]).unwrap();
+    assert!(reports[..covered].windows(2).all(|pair| pair[0] < pair[1] && pair[0][1] == 1000));
+    assert!(reports[0] == [0, 1000] && reports[covered + 1][0] == 0, "{reports:?}");
 }
 
 /// Cards of leaves and tiled walls show the same texels thousands of times.

@@ -17,7 +17,9 @@ use crate::commands::export::{ModelInfo, has_extension};
 use crate::commands::info::CoverArgs;
 use crate::commands::plan::{self, Shard};
 use crate::context::{Bar, Context, peak_memory_bytes};
-use crate::scene::{check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes};
+use crate::scene::{
+    ReadArgs, check_asset_name, check_is_no_model_name, open_shape, report_damage, show_notes,
+};
 use crate::sources::SourceArg;
 use crate::text::{Choices, ShownPath, counted, megabytes, one_of, over_budget};
 
@@ -53,7 +55,7 @@ pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,
     /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "format", "fit", "quality"])]
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "format", "fit", "quality", "weld"])]
     shard: Option<Shard>,
 }
 
@@ -79,6 +81,8 @@ pub(crate) struct JobArgs {
     match_source: bool,
     #[command(flatten)]
     encoding: EncodingArgs,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 const FORMATS: Choices<BakeFormat, 4> = [
@@ -309,7 +313,7 @@ fn with_job<T>(
     let started = Instant::now();
     args.encoding.check()?;
     // What is no asset, a plan or a damaged file, is named first.
-    let mesh = open_shape(&args.model)?;
+    let mesh = open_shape(&args.model, args.read)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
         let model = args.model.display();
         return Err(Error::unsupported(format!(
@@ -518,6 +522,11 @@ impl Progress for Teller<'_> {
     fn report(&self, done: u64, total: u64) {
         let bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
         bar.iter().for_each(|bar| bar.report(done, total));
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        let bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        bar.iter().for_each(|bar| bar.prepare(word, share));
     }
 
     fn note(&self, sentence: &str) {

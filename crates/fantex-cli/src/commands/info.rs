@@ -18,7 +18,7 @@ use serde::Serialize;
 use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
-use crate::scene::Input;
+use crate::scene::{Input, ReadArgs};
 use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
@@ -36,13 +36,15 @@ pub(crate) struct InfoArgs {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address, or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
-    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture"])]
+    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture", "weld"])]
     look: bool,
     #[command(flatten)]
     cover: CoverArgs,
     /// Draw the cover, the projection directions and the packed texture: a folder, or the start of the files' names
     #[arg(long, value_name = "DIR|PREFIX")]
     picture: Option<PathBuf>,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 /// How a model is covered.
@@ -232,9 +234,9 @@ struct AssetInfo {
 }
 
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
-    let of_covers = args.cover.given();
+    let of_covers = args.cover.given().or(args.read.weld.map(|_| "--weld"));
     let of_meshes = of_covers.or(args.picture.as_ref().map(|_| "--picture"));
-    match Input::open(&args.file)? {
+    match Input::open(&args.file, args.read)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) | Input::World(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",

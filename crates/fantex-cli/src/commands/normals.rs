@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, check_depth, saved};
 use crate::context::Context;
-use crate::scene::{check_picture_name, open_shape, show_notes, size};
+use crate::scene::{ReadArgs, check_picture_name, open_shape, show_notes, size};
 use crate::text::{Choices, ShownPath, one_of, positive, whole};
 
 /// Bake the normals of a detailed model into a normal map over the texture coordinates of a coarse one.
@@ -53,6 +53,8 @@ pub(crate) struct NormalsArgs {
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
     depth: FileDepth,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 const SPACES: Choices<NormalSpace, 2> = [
@@ -77,7 +79,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     context.check_output_of(&args.output, &args.detailed)?;
     check_picture_name(&args.output, false)?;
     check_depth(args.depth, &args.output)?;
-    let [coarse, detailed] = [open_shape(&args.coarse)?, open_shape(&args.detailed)?];
+    let [coarse, detailed] = [open_shape(&args.coarse, args.read)?, open_shape(&args.detailed, args.read)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {
         size: args.size,

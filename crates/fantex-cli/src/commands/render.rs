@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape,
+    FILTERS, ReadArgs, Scene, SurroundingsArgs, aspect, check_picture_name, direction, is_look, open_shape,
     report_damage, show_notes, size, vector,
 };
 use crate::series::Series;
@@ -449,7 +449,7 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) -> Result
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
-    let model = open_shape(path)?;
+    let model = open_shape(path, ReadArgs::default())?;
     show_notes(&model, context);
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }

@@ -10,7 +10,7 @@ use fantex::mesh::{WriteGeometry, write_model};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::{check_model_name, open_shape, show_notes};
+use crate::scene::{ReadArgs, check_model_name, open_shape, show_notes};
 use crate::text::{Count, ShownPath, counted, grouped};
 
 /// Write a model with the same shape and fewer triangles, to bake the fine one onto.
@@ -33,6 +33,8 @@ pub(crate) struct SimplifyArgs {
     /// Triangles, about
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     triangles: Count,
+    #[command(flatten)]
+    read: ReadArgs,
 }
 
 #[derive(Debug, Serialize)]
@@ -49,7 +51,7 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     check_model_name(&args.output)?;
     context.check_output_of(&args.output, &args.model)?;
-    let fine = open_shape(&args.model)?;
+    let fine = open_shape(&args.model, args.read)?;
     show_notes(&fine, context);
     let coarse = fine.simplified(usize::try_from(args.triangles.0).unwrap_or(usize::MAX))?;
     let positions: Vec<DVec3> = coarse.positions.iter().map(|&p| coarse.world_from_mesh.point(p)).collect();

@@ -68,6 +68,39 @@ fn one_fan_per_tile_gives_as_many_tiles_as_fans() {
     assert!((wanted / 1e6 - 1.0).abs() < 0.02, "{wanted}");
 }
 
+/// A square whose two triangles have corners of their own, a ten-millionth of its side apart.
+const TORN_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1e-7 0\nv 1.0000001 1 0\nv 0 1 0\nf 1 2 3\nf 4 5 6\n";
+
+#[test]
+fn vertices_that_rounding_sets_apart_are_joined_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (model, asset) = (write(folder.path(), "torn.obj", TORN_OBJ), at("torn.fan"));
+    let bake = |more: &str| {
+        let solid = ["--source=solid=wood", "--texels=4k"];
+        stderr(&succeeds(&[&"bake", &model, &"-o", &asset, &"--force", &solid[0], &solid[1], &more]))
+    };
+    let note = "2 vertices within a millionth of the model's size of another one";
+    assert!(bake("--quality=ultra-fast").contains(note));
+    assert!(!bake("--weld=1e-6").contains("millionth"));
+    let (torn, joined) = (json(&[&"info", &model]), json(&[&"info", &model, &"--weld", &"1e-6"]));
+    assert_eq!((&torn["vertices"], &torn["components"]), (&6.into(), &2.into()));
+    assert_eq!((&joined["vertices"], &joined["components"]), (&4.into(), &1.into()));
+    // A plan keeps it for those who bake its parts.
+    let (plan, part, merged) = (at("torn.plan"), at("1.part"), at("merged.fan"));
+    let plan_options = ["--source=solid=wood", "--texels=4k", "--weld=1e-6"];
+    let [source, texels, weld] = &plan_options;
+    succeeds(&[&"plan", &model, &"-o", &plan, source, texels, weld]);
+    succeeds(&[&"bake", &plan, &"--shard", &"1/1", &"-o", &part]);
+    succeeds(&[&"merge", &plan, &part, &"-o", &merged]);
+    assert_eq!(std::fs::read(&merged).unwrap(), std::fs::read(&asset).unwrap());
+    fails(2, &["above zero"], &[&"info", &model, &"--weld", &"0"]);
+    fails(2, &["--weld"], &[&"info", &asset, weld]);
+    let again = at("again.fan");
+    let words = ["--weld is for models", "torn.fan"];
+    fails(2, &words, &[&"bake", &asset, &"-o", &again, source, texels, weld]);
+}
+
 /// A box of twelve triangles has eight fans, each of which goes around a corner.
 #[test]
 fn large_triangles_are_cut_where_that_is_asked_for() {

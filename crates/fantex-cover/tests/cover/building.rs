@@ -1,5 +1,6 @@
 //! Budgets, densities, modes, threads, options and hostile meshes.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
@@ -336,7 +337,7 @@ fn a_cover_that_is_not_wanted_any_more_ends() {
         // A single no is enough.
         let ends_at = |last: usize| {
             questions.store(0, Relaxed);
-            build_cover_while(&mesh, &options, &|| questions.fetch_add(1, Relaxed) != last)
+            build_cover_while(&mesh, &options, &|_| questions.fetch_add(1, Relaxed) != last)
         };
         let (cover, _) = ends_at(usize::MAX).unwrap();
         assert_eq!(cover.groups, build_cover(&mesh, &options).unwrap().0.groups);
@@ -347,6 +348,30 @@ fn a_cover_that_is_not_wanted_any_more_ends() {
             assert!(error.is_cancelled(), "{error}");
             let more = questions.load(Relaxed) - last;
             assert!(more < 100, "{more} questions after number {last}, tile {tile}");
+        }
+    }
+}
+
+#[test]
+fn a_cover_tells_how_far_it_is() {
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for (name, mesh) in [("landscape", landscape(6_000)), ("cube", cleaned(generate::cube(16)))] {
+        for tile in [0, 1024] {
+            let told = Mutex::new(vec![0.0]);
+            let hear = |share| {
+                told.lock().unwrap().push(share);
+                true
+            };
+            let options = options(tile, TexelBudget::Total(1 << 20));
+            one_thread.install(|| build_cover_while(&mesh, &options, &hear)).unwrap();
+            let told = told.into_inner().unwrap();
+            let steps: Vec<f32> = told.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            assert!(steps.iter().all(|&step| step >= 0.0), "{name}, tile {tile}: {told:?}");
+            assert_eq!(told[told.len() - 1], 1.0, "{name}, tile {tile}");
+            // Nowhere more than half of the time at once.
+            let longest = steps.iter().copied().fold(0.0, f32::max);
+            let several = steps.iter().filter(|&&step| step > 0.0).count();
+            assert!(longest < 0.5 && several > 4, "{name}, tile {tile}: {longest}, {several} steps");
         }
     }
 }

@@ -10,7 +10,7 @@ use fantex_export::{
     unwrap_mesh, unwrap_triangles,
 };
 use fantex_mesh::generate::{cube, icosphere, torus};
-use fantex_mesh::{AlphaMode, Mesh};
+use fantex_mesh::{AlphaMode, CleanOptions, Mesh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
 use glam::{DVec3, Vec2, Vec3};
@@ -428,7 +428,8 @@ fn a_loose_triangle_that_repeats_another_has_its_coordinates() {
     // The second lies where the first does, with its corners in another order.
     let triangles = [[0, 1, 2], [4, 5, 3], [6, 7, 8]];
     let options = UnwrapOptions { side: 64, padding: None };
-    let (mesh, unwrapped) = unwrap_triangles(&positions, &triangles, &options, &NoProgress).unwrap();
+    let (mesh, unwrapped) =
+        unwrap_triangles(&positions, &triangles, &CleanOptions::default(), &options, &NoProgress).unwrap();
     let uv = |t: usize, k: usize| mesh.uv[mesh.triangles[t][k] as usize];
     assert_eq!(unwrapped.charts, 2);
     assert!((0..3).all(|k| uv(1, k) == uv(0, (k + 1) % 3)));
@@ -438,7 +439,13 @@ fn a_loose_triangle_that_repeats_another_has_its_coordinates() {
 #[test]
 fn without_any_area_options_count_all_the_same() {
     let unwrap = |side: u32| {
-        unwrap_triangles(&[DVec3::ZERO; 3], &[[0, 1, 2]], &UnwrapOptions { side, padding: None }, &NoProgress)
+        unwrap_triangles(
+            &[DVec3::ZERO; 3],
+            &[[0, 1, 2]],
+            &CleanOptions::default(),
+            &UnwrapOptions { side, padding: None },
+            &NoProgress,
+        )
     };
     assert_eq!(unwrap(64).unwrap().1.side, 64);
     assert!(unwrap(1000).unwrap_err().to_string().contains("1000 x 1000"));
@@ -467,7 +474,8 @@ fn triangles_are_unwrapped_as_they_come() {
     let mut positions = model.positions.clone();
     positions.push(DVec3::NAN);
     let options = UnwrapOptions { side: 16, padding: None };
-    let (mesh, unwrapped) = unwrap_triangles(&positions, &triangles, &options, &NoProgress).unwrap();
+    let (mesh, unwrapped) =
+        unwrap_triangles(&positions, &triangles, &CleanOptions::default(), &options, &NoProgress).unwrap();
     assert!(unwrapped.side >= 16 && unwrapped.charts > 1);
     assert_eq!(mesh.triangles.len(), triangles.len());
     let corner = |t: usize, k: usize| {
@@ -480,7 +488,8 @@ fn triangles_are_unwrapped_as_they_come() {
     assert!(flat[0] == flat[1] && flat[1] == flat[2] && unusable[0] == unusable[2]);
     assert_eq!(same, laid[5]);
     assert_eq!(turned, [laid[6][1], laid[6][2], laid[6][0]]);
-    let error = unwrap_triangles(&positions, &[[0, 1, 999]], &options, &NoProgress).unwrap_err();
+    let error = unwrap_triangles(&positions, &[[0, 1, 999]], &CleanOptions::default(), &options, &NoProgress)
+        .unwrap_err();
     assert!(error.to_string().contains("triangle 0 has the vertices [0, 1, 999]"), "{error}");
 }
 

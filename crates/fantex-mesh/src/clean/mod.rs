@@ -12,6 +12,7 @@ mod exact;
 mod facing;
 mod inward;
 mod repeats;
+mod seams;
 mod topology;
 
 use std::sync::atomic::AtomicBool;
@@ -67,9 +68,13 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     let nothing_left = |report: CleanReport, name: &str| {
         let CleanReport { triangles_in, triangles_non_finite, triangles_degenerate, .. } = report;
         let triangles = counted(triangles_in, "triangle");
+        let welded = match options.weld_distance {
+            distance if distance > 0.0 => format!(" once vertices up to {distance} apart are welded"),
+            _ => String::new(),
+        };
         Error::malformed(format!(
             "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, \
-             infinite), {triangles_degenerate} without area"
+             infinite), {triangles_degenerate} without area{welded}"
         ))
     };
 
@@ -120,7 +125,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     report.vertices_isolated = report.vertices_in - report.vertices_welded - positions.len() as u64;
 
     // Step 6: make neighbours agree.
-    let corners = VertexCorners::of(&surface.triangles, positions.len());
+    let mut corners = VertexCorners::of(&surface.triangles, positions.len());
     report.topology = Topology::of(&surface.triangles, &corners);
     let mut turned = Vec::new();
     if report.topology.edges_inconsistent > 0 || options.turn_outward {
@@ -135,8 +140,15 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
         turned = turning.turn;
         report.non_orientable_components = turning.non_orientable;
         report.triangles_flipped = surface.turn(&turned);
-        let corners = VertexCorners::of(&surface.triangles, positions.len());
+        corners = VertexCorners::of(&surface.triangles, positions.len());
         report.topology = Topology::of(&surface.triangles, &corners);
+    }
+    if options.weld_distance == 0.0
+        && report.topology.edges_boundary as f64 >= MIN_BOUNDARY_SHARE * report.topology.edges as f64
+    {
+        let near = seams::open(&positions, &surface.triangles, &corners, 2.0 * NEAR_SHARE);
+        report.vertices_near = near.len() as u64;
+        report.near_distance = 2.0 * f64::from(NEAR_SHARE) * world_from_mesh.scale;
     }
     let sources = surface.sources.take();
     let mut mesh = surface.into_mesh(model, positions, (sources.as_deref(), &turned), world_from_mesh);
@@ -144,6 +156,12 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     report.corner_values_non_finite = replace_unusable(&mut mesh.corners);
     Ok((mesh, report, CornerOrigins { sources, turned }))
 }
+
+/// So near to each other, as a share of the model's size, are vertices that somebody may want to weld.
+const NEAR_SHARE: f32 = 1e-6;
+
+/// Vertices next to each other are looked for where this share of all edges is boundary.
+const MIN_BOUNDARY_SHARE: f64 = 1e-3;
 
 /// Which corner of a model each corner of the cleaned mesh was. Triangles keep their order; some are left out, some turned.
 #[derive(Clone, Debug, Default)]
@@ -352,7 +370,7 @@ fn replace<T: Copy + Send + Sync>(values: &mut [T], is_usable: impl Fn(&T) -> bo
 // What cleaning found and did.
 
 /// Counts of everything that cleaning changed or noticed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CleanReport {
     /// Triangles of the model.
     pub triangles_in: u64,
@@ -377,6 +395,11 @@ pub struct CleanReport {
     pub triangles_flipped: u64,
     /// Patches that have no consistent orientation (Moebius strips and the like).
     pub non_orientable_components: u64,
+    /// Vertices that are not welded and lie next to another one, across a seam: about those that a [distance](CleanOptions::weld_distance) of
+    /// [`near_distance`](Self::near_distance) would weld and so close the seam. Counted where much of the model is boundary and no distance is given.
+    pub vertices_near: u64,
+    /// A millionth of the model's size, in world units; 0 where none were counted.
+    pub near_distance: f64,
     /// The cleaned mesh.
     pub topology: Topology,
 }
@@ -409,8 +432,29 @@ impl CleanReport {
             (shape.edges_boundary, "edge", "on the boundary"),
         ];
         let sentence = |(n, noun, fact)| format!("{} {fact}.", counted(n, noun));
-        findings.into_iter().filter(|f| f.0 > 0).map(sentence).collect()
+        let mut lines: Vec<String> = findings.into_iter().filter(|f| f.0 > 0).map(sentence).collect();
+        lines.extend(self.line_of_near());
+        lines
     }
+
+    fn line_of_near(&self) -> Option<String> {
+        let vertices = counted(self.vertices_near, "vertex");
+        let length = in_two_digits(self.near_distance);
+        (self.vertices_near > 0).then(|| {
+            format!(
+                "{vertices} within a millionth of the model's size of another one, but not joined to it: there the surface has a seam. --weld joins \
+                 vertices that lie up to a length apart, such as {length}."
+            )
+        })
+    }
+}
+
+/// A length to two digits, not less than it.
+fn in_two_digits(length: f64) -> String {
+    let unit = 10_f64.powf(length.log10().floor() - 1.0);
+    // What is rounded up by rounding alone stays.
+    let rounded = (length / unit - 1e-9).ceil() * unit;
+    format!("{rounded:.1e}")
 }
 
 // Checks before the first step.

@@ -23,7 +23,8 @@ pub(super) struct Repeat {
 
 /// All elements below `count` that equal an earlier one, ascending. Elements whose `hash` is `None` are left out.
 ///
-/// `same` must be an equivalence, and equal elements must have equal hashes.
+/// `same` must be an equivalence, and equal elements must have equal hashes. Of a tolerance, which is none, every element that equals an earlier one
+/// which does not repeat another is found, as far as their hashes are equal.
 pub(super) fn repeats(
     count: usize,
     hash: impl Fn(usize) -> Option<u64> + Sync,
@@ -44,7 +45,7 @@ pub(super) fn repeats(
 }
 
 /// Scrambles 96 bits into 64: two rounds of multiply and fold.
-fn scramble([a, b, c]: [u32; 3]) -> u64 {
+pub(super) fn scramble([a, b, c]: [u32; 3]) -> u64 {
     let mut h = (u64::from(a) | u64::from(b) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     h = (h ^ (h >> 32)).wrapping_add(u64::from(c)).wrapping_mul(0xd6e8_feb8_6659_fd93);
     h = (h ^ (h >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -3,9 +3,9 @@
 use std::collections::HashSet;
 use std::f64::consts::TAU;
 
-use fantex_base::ErrorKind;
+use fantex_base::{ErrorKind, Random};
 use fantex_mesh::generate::{book, cube, grid, icosphere, torus};
-use fantex_mesh::{CleanOptions, CleanReport, Mesh, Model, Topology, clean, clean_traced};
+use fantex_mesh::{CleanOptions, CleanReport, CornerAttributes, Mesh, Model, Topology, clean, clean_traced};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 
@@ -246,6 +246,89 @@ fn positions_one_and_two_units_apart_stay_apart() {
     let (mesh, report) = clean(soup(positions, fans), &options).unwrap();
     check(&mesh, &report);
     assert_eq!((report.vertices_welded, report.triangles_duplicate), (2, 2));
+}
+
+/// Every triangle with vertices of its own, each moved by up to `noise` units.
+fn scattered(model: &Model, noise: f64, seed: u64) -> Model {
+    let mut random = Random::new(seed);
+    let mut moved = |x: f64| x + noise * (2.0 * random.unit() - 1.0);
+    let corners = model.triangles.as_flattened().iter();
+    let positions: Vec<[f64; 3]> =
+        corners.map(|&v| model.positions[v as usize].to_array().map(&mut moved)).collect();
+    let mut triangles: Vec<[u32; 3]> =
+        (0..model.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let mut random = Random::new(seed + 1);
+    for i in 1..triangles.len() {
+        triangles.swap(i, random.below(i as u64 + 1) as usize);
+    }
+    soup(positions, triangles)
+}
+
+#[test]
+fn soups_that_rounding_tears_are_told_of_and_welded() {
+    for (seed, model) in (0..).zip([icosphere(3), torus(24, 12), grid(12), cube(6)]) {
+        let whole = cleaned(model.clone()).1.topology;
+        // 1e-7 of the size, where a millionth is enough.
+        let torn = scattered(&model, 1e-7, seed);
+        let report = cleaned(torn.clone()).1;
+        let extra = 3 * model.triangles.len() as u64 - report.vertices_welded - whole.vertices;
+        let near = report.vertices_near;
+        assert!(near <= extra && near as f64 > 0.97 * extra as f64, "{near} of {extra}, model {seed}");
+        let lines = report.lines();
+        let line = lines.last().unwrap();
+        assert!(line.starts_with(&format!("{near} vertices within a millionth")), "{line}");
+        let length: f64 = line.trim_end_matches('.').rsplit(' ').next().unwrap().parse().unwrap();
+        assert!(length >= report.near_distance && length < 1.1 * report.near_distance, "{line}");
+        let options = CleanOptions { weld_distance: length, ..CleanOptions::default() };
+        let (mesh, report) = clean(torn, &options).unwrap();
+        check(&mesh, &report);
+        assert_eq!((report.topology, report.vertices_near), (whole, 0), "model {seed}");
+    }
+}
+
+/// A boundary alone, layers that lie over each other, and triangles smaller than what is looked for are no seams.
+#[test]
+fn only_vertices_that_close_a_seam_are_told_of() {
+    let sheet = grid(6);
+    let with_layer = |offset: f64, is_turned: bool| {
+        let mut model = sheet.clone();
+        let count = model.positions.len() as u32;
+        model.positions.extend(sheet.positions.iter().map(|&p| p + offset * DVec3::Z + offset * DVec3::Y));
+        model.triangles.extend(sheet.triangles.iter().map(|&[a, b, c]| {
+            let [a, b, c] = [a, b, c].map(|v| v + count);
+            if is_turned { [a, c, b] } else { [a, b, c] }
+        }));
+        model.corners = CornerAttributes::default();
+        model
+    };
+    let tiny = soup(
+        [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1e-7, 1.0, 0.0], [2e-7, 1.0, 0.0], [-1.0, 0.5, 0.0]],
+        [[0, 1, 4], [0, 4, 3], [0, 3, 2], [0, 2, 5]],
+    );
+    // Needles across a strip that is as narrow.
+    let rungs = (0..20).flat_map(|i| [[0.05 * f64::from(i), 0.0, 0.0], [0.05 * f64::from(i), 5e-7, 0.0]]);
+    let needles: Vec<[u32; 3]> =
+        (0..19).flat_map(|i| [[2 * i, 2 * i + 2, 2 * i + 1], [2 * i + 1, 2 * i + 2, 2 * i + 3]]).collect();
+    let strip = soup(rungs, needles);
+    // Two sheets with a gap that is wider than a rounding.
+    let mut gap = with_layer(0.0, false);
+    let count = sheet.positions.len();
+    let width = 2.0 + 1e-5;
+    gap.positions[count..].iter_mut().for_each(|p| p.x += width);
+    for (i, model) in [
+        sheet.clone(),
+        scattered(&sheet, 0.0, 1),
+        with_layer(1e-7, false),
+        with_layer(1e-7, true),
+        tiny,
+        strip,
+        gap,
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert_eq!(cleaned(model).1.vertices_near, 0, "model {i}");
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import _native
 from ._asset import Asset, _atlas_options
-from ._given import PATHS, Path, absolute, amount, number, vector, whole
+from ._given import PATHS, Path, absolute, amount, length, number, vector, whole
 from ._mesh import Mesh, Progress, _linear_rgba, _plain
 
 Function = Callable[[np.ndarray, np.ndarray], Any]
@@ -123,6 +123,7 @@ def bake(
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
     longest_edge: Union[int, str, None] = None,
+    weld: Optional[float] = None,
     format: str = "bc7",
     fit: str = "sharp",
     quality: str = "ultra-fast",
@@ -147,13 +148,15 @@ def bake(
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
             and looks with baked light. The triangles of the asset are then not the model's; its vertices come first.
+        weld: join vertices of the mesh that lie up to this far apart, world units; by default only those at the same place.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
         quality: effort of the block encoder: ``ultra-fast``, ``very-fast``, ``fast``, ``basic``.
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
         seed: of recipes.
-        progress: called with ``(done, total)`` texels, then bytes that are sent to a store; what it raises ends the bake.
+        progress: called with ``(done, total)``: thousandths of the covering, then texels, then bytes that are sent to a store; what it raises
+            ends the bake.
 
     Returns:
         The asset; its ``baked`` has numbers of ``triangles``, ``tiles``, ``texels``, ``bytes``, ``channels``, seconds, and ``notes``, a sentence
@@ -171,13 +174,14 @@ def bake(
         match=match,
         tile=tile,
         longest_edge=longest_edge,
+        weld=weld,
         format=format,
         fit=fit,
         quality=quality,
         seed=seed,
     )
     figures = _native.bake(
-        Mesh.of(mesh)._native,
+        Mesh.of(mesh, weld=options["weld"])._native,
         os.fsdecode(path),
         _parts(source, options),
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
@@ -202,6 +206,7 @@ def bake_model(
     padding: Optional[int] = None,
     uv: Any = "atlas",
     longest_edge: Union[int, str, None] = None,
+    weld: Optional[float] = None,
     ktx2: bool = False,
     overwrite: bool = False,
     memory: float = 1 << 30,
@@ -212,13 +217,14 @@ def bake_model(
     :meth:`Asset.export` do, without an asset. Triangles stay whole unless ``longest_edge`` says otherwise.
 
     Args:
-        mesh, density, match, source, longest_edge, memory, seed: as :func:`bake` takes them.
+        mesh, density, match, source, longest_edge, weld, memory, seed: as :func:`bake` takes them.
         path: ``.glb`` with its pictures inside, or ``.gltf`` with files beside it. All files appear at the end, or none.
         texels: of each picture, about; 4 million where nothing else says how many.
         resolution: side of the pictures, a power of two, instead.
         largest_side, padding, uv, ktx2: as :meth:`Asset.export` takes them.
         overwrite: replace existing files.
-        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+        progress: called with ``(done, total)``: texels of the surface while it is unwrapped, then texels of the pictures; before them thousandths
+            of the covering where triangles are cut or light is baked. What it raises ends the bake.
 
     Returns:
         The paths of all ``files``; ``resolution``, ``channels``, ``charts``, ``padding`` and ``used_share`` of the pictures; numbers of
@@ -237,11 +243,16 @@ def bake_model(
         resolution=resolution,
         tile=None,
         longest_edge=longest_edge,
+        weld=weld,
         seed=seed,
     )
     options.update(_atlas_options(resolution, largest_side, padding, uv, overwrite, memory))
     figures = _native.bake_model(
-        Mesh.of(mesh)._native, os.fsdecode(path), _parts(source, options), {**options, "ktx2": ktx2}, progress
+        Mesh.of(mesh, weld=options["weld"])._native,
+        os.fsdecode(path),
+        _parts(source, options),
+        {**options, "ktx2": ktx2},
+        progress,
     )
     return {**figures, "files": [os.fspath(file) for file in figures["files"]]}
 
@@ -260,6 +271,7 @@ def _options(**given: Any) -> Dict[str, Any]:
         "texels": None if texels is None else amount(texels, "texels"),
         "tile": None if tile is None else whole(tile, "tile"),
         "longest_edge": edge if edge is None or isinstance(edge, str) else whole(edge, "longest_edge"),
+        "weld": length(given["weld"], "weld"),
         "seed": whole(given["seed"], "seed", (1 << 64) - 1),
     }
 

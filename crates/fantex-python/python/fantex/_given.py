@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import os
-from typing import Any, Iterable, List, Sequence, Union
+from typing import Any, Iterable, List, Optional, Sequence, Union
 
 import numpy as np
 
@@ -65,6 +65,16 @@ def number(value: Any, name: str) -> float:
     if isinstance(value, (str, bytes, bytearray)):
         raise TypeError(f"{name} is of type {type(value).__name__}; expected a number")
     return float(value)
+
+
+def length(value: Any, name: str) -> Optional[float]:
+    """A length above zero, where one is given."""
+    if value is None:
+        return None
+    given = number(value, name)
+    if not 0 < given < math.inf:
+        raise ValueError(f"{name} is {value}; expected a length above zero")
+    return given
 
 
 def amount(value: Any, name: str) -> int:

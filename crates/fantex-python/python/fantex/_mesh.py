@@ -9,7 +9,7 @@ from typing import Any, Callable, Optional, Sequence
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, amount, whole
+from ._given import PATHS, Path, amount, length, whole
 from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
 
 Progress = Callable[[int, int], Any]
@@ -89,6 +89,7 @@ class Mesh:
         uv: ``(n, 2)`` per vertex, v upwards.
         image: the base colour that ``uv`` refers to: ``(h, w, c)`` linear floats or sRGB ``uint8``, a PIL image, a path, or a
             file's bytes.
+        weld: join vertices that lie up to this far apart, world units; by default only those at the same place.
 
     Arrays may be numpy's, lists, torch tensors on the CPU or anything with DLPack or the buffer protocol. A mesh does not change.
     """
@@ -102,6 +103,7 @@ class Mesh:
         normals: Any = None,
         uv: Any = None,
         image: Any = None,
+        weld: Optional[float] = None,
     ) -> None:
         positions = _array(positions, np.float64, "positions", 3)
         faces = _array(faces, np.int64, "faces", 3)
@@ -114,12 +116,14 @@ class Mesh:
         if image is not None and uv is None:
             raise ValueError("image needs uv, the coordinates that lay it over the mesh")
         encoded = None if image is None else _encoded(image)
-        self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded)
+        weld = length(weld, "weld")
+        self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded, weld)
 
     @classmethod
-    def load(cls, path: Path) -> "Mesh":
-        """Reads a model (``.glb .gltf .obj .ply .stl``), or the mesh of an asset (``.fan``), without what is baked."""
-        return cls._of(_native.Mesh.load(os.fsdecode(path)))
+    def load(cls, path: Path, *, weld: Optional[float] = None) -> "Mesh":
+        """Reads a model (``.glb .gltf .obj .ply .stl``), or the mesh of an asset (``.fan``), without what is baked. ``weld`` joins vertices of
+        a model that lie up to this far apart, world units; by default only those at the same place."""
+        return cls._of(_native.Mesh.load(os.fsdecode(path), length(weld, "weld")))
 
     @classmethod
     def _of(cls, native: Any) -> "Mesh":
@@ -128,34 +132,38 @@ class Mesh:
         return mesh
 
     @classmethod
-    def of(cls, mesh: Any) -> "Mesh":
+    def of(cls, mesh: Any, *, weld: Optional[float] = None) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
         ``faces``, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture and
-        factor, or the factor alone; of Open3D colours of vertices."""
+        factor, or the factor alone; of Open3D colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
+        is_asset = isinstance(getattr(mesh, "_native", None), _native.Asset)
+        if weld is not None and (is_asset or isinstance(mesh, Mesh)):
+            raise ValueError(f"weld= is for models and arrays; {mesh!r} is cleaned already, so give weld= where it is made")
         if isinstance(mesh, Mesh):
             return mesh
         if isinstance(mesh, PATHS):
-            return cls.load(mesh)
-        if isinstance(getattr(mesh, "_native", None), _native.Asset):
+            return cls.load(mesh, weld=weld)
+        if is_asset:
             return cls._of(_native.Mesh.of_asset(mesh._native))
         if isinstance(mesh, tuple):
             if len(mesh) not in (2, 3):
                 raise TypeError("a mesh in a tuple is (positions, faces) or (positions, faces, colors)")
-            return cls(mesh[0], mesh[1], colors=mesh[2] if len(mesh) == 3 else None)
+            return cls(mesh[0], mesh[1], colors=mesh[2] if len(mesh) == 3 else None, weld=weld)
         if hasattr(mesh, "dump") and hasattr(mesh, "geometry"):
             # A scene of trimesh.
             mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
         if hasattr(mesh, "vertices") and hasattr(mesh, "has_vertex_colors"):
             # Of Open3D.
             colors = np.asarray(mesh.vertex_colors) if mesh.has_vertex_colors() else None
-            return cls(mesh.vertices, mesh.triangles, colors=None if colors is None else _srgb_floats(colors))
+            colors = None if colors is None else _srgb_floats(colors)
+            return cls(mesh.vertices, mesh.triangles, colors=colors, weld=weld)
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
             if getattr(getattr(mesh, "visual", None), "kind", None) == "face":
                 # A vertex each for the corners of a face, so that they have its colour; cleaning joins them again.
                 corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
                 colors = np.repeat(np.asarray(mesh.visual.face_colors), 3, axis=0)
-                return cls(corners, np.arange(len(corners)).reshape(-1, 3), colors=colors)
-            return cls(mesh.vertices, mesh.faces, **_visual(mesh))
+                return cls(corners, np.arange(len(corners)).reshape(-1, 3), colors=colors, weld=weld)
+            return cls(mesh.vertices, mesh.faces, **_visual(mesh), weld=weld)
         raise TypeError(
             f"{type(mesh).__name__} is no mesh: give a path, a fantex.Mesh, (positions, faces), or an object with vertices and faces"
         )
@@ -316,6 +324,7 @@ def parametrize(
     *,
     resolution: int = 2048,
     padding: Optional[int] = 2,
+    weld: Optional[float] = None,
     progress: Optional[Progress] = None,
 ) -> Unwrapping:
     """Texture coordinates for any mesh, in the place of ``xatlas.parametrize``.
@@ -327,6 +336,7 @@ def parametrize(
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
         padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
             coarser levels.
+        weld: the surface goes on between vertices that lie up to this far apart; by default only at the same place.
         progress: called with ``(done, total)`` texels of the surface, from 0 again where the square grows; what it raises ends the work.
 
     Returns:
@@ -337,7 +347,8 @@ def parametrize(
     positions = _array(positions, np.float64, "positions", 3)
     faces = _array(faces, np.int64, "faces", 3)
     resolution, padding = whole(resolution, "resolution"), None if padding is None else whole(padding, "padding")
-    vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, progress)
+    weld = length(weld, "weld")
+    vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, weld, progress)
     result = Unwrapping((vmapping, faces, uvs))
     result.charts, result.side = charts, side
     return result

@@ -34,7 +34,7 @@ class Error(Exception):
 
 class Mesh:
     @staticmethod
-    def load(path: str) -> "Mesh": ...
+    def load(path: str, weld: Optional[float] = None) -> "Mesh": ...
     @staticmethod
     def of_arrays(
         positions: Doubles,
@@ -43,6 +43,7 @@ class Mesh:
         normals: Optional[Floats] = None,
         uv: Optional[Floats] = None,
         image: Optional[bytes] = None,
+        weld: Optional[float] = None,
     ) -> "Mesh": ...
     @staticmethod
     def of_asset(asset: "Asset") -> "Mesh": ...
@@ -121,7 +122,12 @@ def merge(
     plan: Plan, parts: List[str], path: Optional[str], overwrite: bool, progress: Progress
 ) -> Tuple[int, Optional[str]]: ...
 def parametrize(
-    positions: Doubles, faces: Faces, side: int, padding: Optional[int], progress: Progress
+    positions: Doubles,
+    faces: Faces,
+    side: int,
+    padding: Optional[int],
+    weld: Optional[float],
+    progress: Progress,
 ) -> Tuple[Indices, Indices, Floats, int, int]: ...
 def paint(
     asset: str, strokes: Optional[Tuple[str, str]], log: Optional[Asset], options: Dict[str, Any]

@@ -71,6 +71,7 @@ def plan(
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
     longest_edge: Union[int, str, None] = None,
+    weld: Optional[float] = None,
     format: str = "bc7",
     fit: str = "sharp",
     quality: str = "ultra-fast",
@@ -83,7 +84,7 @@ def plan(
 
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
     address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
-    with bytes that are sent to a store, and not while the mesh is covered. It also keeps digests of all that decides the texels, such as the contents of
+    with ``(done, total)`` thousandths of the covering, then bytes that are sent to a store. It also keeps digests of all that decides the texels, such as the contents of
     looks and pictures, but nothing of functions; parts are baked of nothing else.
     """
     options = _options(
@@ -92,6 +93,7 @@ def plan(
         match=match,
         tile=tile,
         longest_edge=longest_edge,
+        weld=weld,
         format=format,
         fit=fit,
         quality=quality,
@@ -100,7 +102,7 @@ def plan(
     parts = _parts(source, options)
     note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
     _native.plan(
-        Mesh.of(mesh)._native,
+        Mesh.of(mesh, weld=options["weld"])._native,
         os.fsdecode(path),
         json.dumps(note).encode(),
         parts,
@@ -131,7 +133,7 @@ def bake_part(
         source: the planned source, where that was a function or a mesh in memory.
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs may take.
-        progress: called with ``(done, total)`` texels; what it raises ends the bake.
+        progress: called with ``(done, total)``: thousandths of the covering where triangles are cut, then texels; what it raises ends the bake.
 
     Returns:
         Bytes of the part.
@@ -154,10 +156,12 @@ def bake_part(
             raise ValueError(f"{plan.path} was planned for a mesh in memory; give it as mesh=")
     if source is None and note["source"] is not None:
         source = _source_of(note["source"], plan)
+    # One in memory is as it was planned.
+    weld = None if isinstance(mesh, Mesh) else options.get("weld")
     figures = _native.bake_part(
         plan._native,
         (number, count),
-        Mesh.of(mesh)._native,
+        Mesh.of(mesh, weld=weld)._native,
         os.fsdecode(path),
         _parts(source, options),
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},

@@ -39,7 +39,7 @@ impl Baker<'_> {
         let texels = budget_texels(mesh, budget);
         let share = if let TexelBudget::Total(_) = budget { SURFACE_SHARE } else { 1.0 };
         let texels_per_unit = (share * texels / mesh.area().max(f64::MIN_POSITIVE)).sqrt() as f32;
-        let exported = export_source(mesh, source, texels_per_unit, path, options, self.progress.0)?;
+        let exported = export_source(mesh, source, texels_per_unit, path, options, self.progress.progress)?;
         let summary = BakeSummary { damage: source.damage(), ..summary(&exported) };
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
@@ -69,7 +69,7 @@ impl Baker<'_> {
         let asset = scratch.path().join("model.fan");
         let baked = self.bake(mesh, source, own_density, &Goal::Asset(&asset))?;
         let asset = Arc::new(Asset::open(&asset)?);
-        let exported = export_model(&asset, path, options, self.progress.0)?;
+        let exported = export_model(&asset, path, options, self.progress.progress)?;
         let summary = BakeSummary {
             light: baked.summary.light,
             damage: baked.summary.damage.clone(),

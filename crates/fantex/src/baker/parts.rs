@@ -65,7 +65,7 @@ impl Baker<'_> {
         let bytes: u64 = files.iter().filter_map(|path| Some(path.metadata().ok()?.len())).sum();
         if bytes > MANY_BYTES {
             let gigabytes = bytes as f64 / 1e9;
-            self.progress.0.note(&format!(
+            self.progress.progress.note(&format!(
                 "what is baked from is read once more, {gigabytes:.1} GB, so that no part is baked from anything else"
             ));
         }

@@ -8,7 +8,7 @@ use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
-use super::{Baked, Baker, Budget, Goal, Observer};
+use super::{Baked, Baker, Budget, Goal};
 use crate::asset_materials::of_photographs;
 
 /// Photographs of a model, with their cameras.
@@ -35,6 +35,10 @@ struct UntilFailure<'a> {
 impl Progress for UntilFailure<'_> {
     fn report(&self, done: u64, total: u64) {
         self.progress.report(done, total);
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        self.progress.prepare(word, share);
     }
 
     fn note(&self, sentence: &str) {
@@ -71,7 +75,7 @@ impl Baker<'_> {
             unseen: photos.unseen,
             texel_size,
         };
-        let source = PhotoSource::new(mesh, &photographs, &options, self.progress.0)?;
+        let source = PhotoSource::new(mesh, &photographs, &options, self.progress.progress)?;
         let report = source.report();
         let mut notes = Vec::new();
         if report.used < report.photographs {
@@ -84,7 +88,7 @@ impl Baker<'_> {
             notes.push(format!("no photograph sees {share:.1} % of the surface"));
         }
         let density = (self.budget == Budget::Matching).then(|| source.density());
-        let progress = UntilFailure { progress: self.progress.0, source: &source };
+        let progress = UntilFailure { progress: self.progress.progress, source: &source };
         let mut options = self.options.clone();
         // The other half holds photographs.
         options.memory_bytes /= 2;
@@ -98,7 +102,7 @@ impl Baker<'_> {
             longest_edge: self.longest_edge,
             seed: self.seed,
             options,
-            progress: Observer(&progress),
+            progress: self.progress.followed_by(&progress),
         };
         let baked = baker.bake(mesh, &source, density, goal);
         if let Some(error) = source.failure() {
