@@ -11,7 +11,7 @@ use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
 use crate::nominal::{Demand, NominalDensity};
-use crate::partition::{Connector, Cutting, FanSet, partition};
+use crate::partition::{Connector, Cutting, FanSet, Partition, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 use crate::unroll::{FlatCorners, MAX_CORNERS};
@@ -104,7 +104,20 @@ pub(crate) fn group_fans(
     limits: &GroupLimits,
     watch: &Watch<'_>,
 ) -> Result<Grouping> {
-    let tried = |&way| grouped(surface, shapes, density, limits, way, watch);
+    let fans = FanSet { surface, shapes, density };
+    let mut cut: Option<(f32, Partition)> = None;
+    let mut tried = |&(normals_below, k): &(f32, usize)| {
+        let (_, partition) = match cut.take().filter(|(below, _)| *below == normals_below) {
+            Some(cut) => cut,
+            None => {
+                let extent_texels = limits.extent_texels;
+                let cutting = Cutting { extent_texels, tolerances: TOLERANCES, normals_below, watch };
+                (normals_below, partition(&fans, &cutting))
+            }
+        };
+        let (order, lengths) = &cut.insert((normals_below, partition)).1;
+        grouped(fans, limits, order, &lengths[k], watch)
+    };
     let [first, others @ ..] = &WAYS;
     let mut best = tried(first)?;
     let is_small = shapes.len() <= SMALL_MESH_FANS;
@@ -118,6 +131,7 @@ pub(crate) fn group_fans(
             best = if next.cost < best.cost { next } else { best };
         }
     }
+    drop(cut);
     let Grouped { mut builder, mut patches, .. } = best;
     let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
     if is_tried.contains(&true) {
@@ -188,26 +202,25 @@ impl Grouped<'_> {
     }
 }
 
-/// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
+/// How much dearer parts may be that sets are cut into.
+const TOLERANCES: [f32; 2] = [1.03, 1.15];
+
+/// Ways to cut: whether long sets are cut between their normals, and with which tolerance. The first is best for nearly all
 /// scans, the second for some meshes that are laid flat freely; which is best for a model of flat faces or few large triangles is found by trying
-/// (the last one is for rods, pipes and corrugated sheets).
-const WAYS: [(f32, f32); 5] =
-    [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
+/// (the last one is for rods, pipes and corrugated sheets). Ways that differ by tolerance alone follow each other, as sets are cut once for them.
+const WAYS: [(f32, usize); 5] = [(768.0, 0), (768.0, 1), (f32::INFINITY, 0), (f32::INFINITY, 1), (0.0, 0)];
 
 fn grouped<'a>(
-    surface: &'a Surface<'a>,
-    shapes: &'a [FanShape],
-    density: &'a NominalDensity<'a>,
+    fans: FanSet<'a>,
     limits: &'a GroupLimits,
-    (tolerance, normals_below): (f32, f32),
+    order: &[u32],
+    lengths: &[u32],
     watch: &'a Watch<'a>,
 ) -> Result<Grouped<'a>> {
-    let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below, watch };
-    let fans = FanSet { surface, shapes, density };
-    let (order, lengths) = partition(&fans, &cutting);
+    let FanSet { surface, shapes, density } = fans;
     watch.check()?;
     let mut connector = Connector::new(fans);
-    let (order, lengths) = connector.connect(&order, &lengths, limits.facing);
+    let (order, lengths) = connector.connect(order, lengths, limits.facing);
     let fan_groups = vec![0; shapes.len()];
     let apart = surface.fans_across_creases();
     let mut builder = Builder {
