@@ -1,5 +1,7 @@
 //! From fans to groups that are laid flat.
 
+use std::collections::BTreeSet;
+
 use fantex_base::Result;
 use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
@@ -232,6 +234,7 @@ fn grouped<'a>(
         order,
         fan_groups,
         unused_label: 0,
+        refused: BTreeSet::new(),
         apart,
         watch,
     };
@@ -285,6 +288,8 @@ struct Builder<'a> {
     fan_groups: Vec<u32>,
     /// Labels from here on are not in use.
     unused_label: u32,
+    /// Unions that were undone: of each member the first fan and the number of its fans, which name it as patches only grow.
+    refused: BTreeSet<Vec<(u32, u32)>>,
     /// Pairs of fans that must not share a tile, both ways around, ascending.
     apart: Vec<(u32, u32)>,
     watch: &'a Watch<'a>,
@@ -395,6 +400,13 @@ impl Builder<'_> {
         members.sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         unions.sort_unstable_by_key(|union| union[0].1);
+        let name = |&(_, p): &(u32, u32)| {
+            let Patch { start, length, .. } = patches[p as usize];
+            (self.order[start as usize], length)
+        };
+        let named = |union: &&[(u32, u32)]| -> Vec<(u32, u32)> { union.iter().map(name).collect() };
+        let names: Vec<_> =
+            unions.par_iter().map(|union| if union.len() < 2 { Vec::new() } else { named(union) }).collect();
         let mut order = Vec::with_capacity(self.order.len());
         let mut starts = Vec::with_capacity(unions.len());
         for union in &unions {
@@ -416,7 +428,7 @@ impl Builder<'_> {
         let laid: Vec<Option<Patch>> = (0..runs.len())
             .into_par_iter()
             .map_init(Flattener::default, |flattener, i| {
-                if unions[i].len() < 2 {
+                if unions[i].len() < 2 || self.refused.contains(&names[i]) {
                     return None;
                 }
                 let (start, end) = runs[i];
@@ -426,10 +438,13 @@ impl Builder<'_> {
             })
             .collect();
         let mut kept = Vec::with_capacity(patches.len());
-        for ((union, laid), &(mut start, _)) in unions.iter().zip(laid).zip(&runs) {
+        for (((union, name), laid), &(mut start, _)) in unions.iter().zip(names).zip(laid).zip(&runs) {
             match laid {
                 Some(patch) => kept.push(patch),
                 None => {
+                    if union.len() > 1 {
+                        self.refused.insert(name);
+                    }
                     for &(_, p) in *union {
                         let patch = &patches[p as usize];
                         kept.push(Patch { start, ..patch.clone() });
