@@ -1,5 +1,7 @@
 //! From fans to groups that are laid flat.
 
+use std::collections::BTreeSet;
+
 use fantex_base::Result;
 use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
@@ -10,7 +12,7 @@ use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
 use crate::nominal::{Demand, NominalDensity};
-use crate::partition::{Connector, Cutting, FanSet, partition};
+use crate::partition::{Connector, Cutting, FanSet, Partition, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
 use crate::unroll::{FlatCorners, MAX_CORNERS};
@@ -115,7 +117,22 @@ pub(crate) fn group_fans(
         &WAYS[..2]
     };
     expect_ways(watch, ways.len());
-    let tried = |number: usize| grouped(surface, shapes, density, limits, ways[number], (number, watch));
+    let fans = FanSet { surface, shapes, density };
+    let mut cut: Option<(f32, Partition)> = None;
+    let mut tried = |number: usize| {
+        let (normals_below, k) = ways[number];
+        watch.begin(time::grouped(number) + time::CUT, shapes.len())?;
+        let (_, partition) = match cut.take().filter(|(below, _)| *below == normals_below) {
+            Some(cut) => cut,
+            None => {
+                let extent_texels = limits.extent_texels;
+                let cutting = Cutting { extent_texels, tolerances: TOLERANCES, normals_below, watch };
+                (normals_below, partition(&fans, &cutting))
+            }
+        };
+        let (order, lengths) = &cut.insert((normals_below, partition)).1;
+        grouped(fans, limits, (order, &lengths[k]), (number, watch))
+    };
     let mut best = tried(0)?;
     let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
     let count = if may_gain { ways.len() } else { 1 };
@@ -124,6 +141,7 @@ pub(crate) fn group_fans(
         let next = tried(number)?;
         best = if next.cost < best.cost { next } else { best };
     }
+    drop(cut);
     let Grouped { mut builder, mut patches, .. } = best;
     let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
     if is_tried.contains(&true) {
@@ -205,29 +223,26 @@ impl Grouped<'_> {
     }
 }
 
-/// Ways to cut: how much dearer parts may be, and whether long sets are cut between their normals. The first is best for nearly all
+/// How much dearer parts may be that sets are cut into.
+const TOLERANCES: [f32; 2] = [1.03, 1.15];
+
+/// Ways to cut: whether long sets are cut between their normals, and with which tolerance. The first is best for nearly all
 /// scans, the second for some meshes that are laid flat freely; which is best for a model of flat faces or few large triangles is found by trying
-/// (the last one is for rods, pipes and corrugated sheets).
-const WAYS: [(f32, f32); 5] =
-    [(1.03, 768.0), (1.15, 768.0), (1.03, f32::INFINITY), (1.15, f32::INFINITY), (1.03, 0.0)];
+/// (the last one is for rods, pipes and corrugated sheets). Ways that differ by tolerance alone follow each other, as sets are cut once for them.
+const WAYS: [(f32, usize); 5] = [(768.0, 0), (768.0, 1), (f32::INFINITY, 0), (f32::INFINITY, 1), (0.0, 0)];
 
 /// `number` of the ways that are tried before this one.
 fn grouped<'a>(
-    surface: &'a Surface<'a>,
-    shapes: &'a [FanShape],
-    density: &'a NominalDensity<'a>,
+    fans: FanSet<'a>,
     limits: &'a GroupLimits,
-    (tolerance, normals_below): (f32, f32),
+    (order, lengths): (&[u32], &[u32]),
     (number, watch): (usize, &'a Watch<'a>),
 ) -> Result<Grouped<'a>> {
+    let FanSet { surface, shapes, density } = fans;
     let (begun, count) = (time::grouped(number), shapes.len());
-    let cutting = Cutting { extent_texels: limits.extent_texels, tolerance, normals_below, watch };
-    let fans = FanSet { surface, shapes, density };
-    watch.begin(begun + time::CUT, count)?;
-    let (order, lengths) = partition(&fans, &cutting);
     watch.begin(begun + time::CONNECTED, 0)?;
     let mut connector = Connector::new(fans);
-    let (order, lengths) = connector.connect(&order, &lengths, limits.facing);
+    let (order, lengths) = connector.connect(order, lengths, limits.facing);
     let fan_groups = vec![0; count];
     let apart = surface.fans_across_creases();
     let mut builder = Builder {
@@ -239,6 +254,7 @@ fn grouped<'a>(
         order,
         fan_groups,
         unused_label: 0,
+        refused: BTreeSet::new(),
         apart,
         watch,
     };
@@ -294,6 +310,8 @@ struct Builder<'a> {
     fan_groups: Vec<u32>,
     /// Labels from here on are not in use.
     unused_label: u32,
+    /// Unions that were undone: of each member the first fan and the number of its fans, which name it as patches only grow.
+    refused: BTreeSet<Vec<(u32, u32)>>,
     /// Pairs of fans that must not share a tile, both ways around, ascending.
     apart: Vec<(u32, u32)>,
     watch: &'a Watch<'a>,
@@ -406,6 +424,13 @@ impl Builder<'_> {
         members.sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         unions.sort_unstable_by_key(|union| union[0].1);
+        let name = |&(_, p): &(u32, u32)| {
+            let Patch { start, length, .. } = patches[p as usize];
+            (self.order[start as usize], length)
+        };
+        let named = |union: &&[(u32, u32)]| -> Vec<(u32, u32)> { union.iter().map(name).collect() };
+        let names: Vec<_> =
+            unions.par_iter().map(|union| if union.len() < 2 { Vec::new() } else { named(union) }).collect();
         let mut order = Vec::with_capacity(self.order.len());
         let mut starts = Vec::with_capacity(unions.len());
         for union in &unions {
@@ -429,7 +454,7 @@ impl Builder<'_> {
             .map_init(Flattener::default, |flattener, i| {
                 let (start, end) = runs[i];
                 self.watch.add((end - start) as usize);
-                if unions[i].len() < 2 {
+                if unions[i].len() < 2 || self.refused.contains(&names[i]) {
                     return None;
                 }
                 let union = self.flatten_piece(start, end - start, first_label + i as u32, flattener)?;
@@ -438,10 +463,13 @@ impl Builder<'_> {
             })
             .collect();
         let mut kept = Vec::with_capacity(patches.len());
-        for ((union, laid), &(mut start, _)) in unions.iter().zip(laid).zip(&runs) {
+        for (((union, name), laid), &(mut start, _)) in unions.iter().zip(names).zip(laid).zip(&runs) {
             match laid {
                 Some(patch) => kept.push(patch),
                 None => {
+                    if union.len() > 1 {
+                        self.refused.insert(name);
+                    }
                     for &(_, p) in *union {
                         let patch = &patches[p as usize];
                         kept.push(Patch { start, ..patch.clone() });

@@ -7,7 +7,7 @@
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
 use arrayvec::ArrayVec;
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use crate::cone::Cone;
@@ -102,8 +102,8 @@ pub(crate) struct Cutting<'a> {
     /// Longest side of a patch in texels.
     pub(crate) extent_texels: f32,
     /// A cut stays if its parts cost at most this many times as much as the whole. More than one is worth while, because small patches
-    /// can be joined afterwards, and large ones are never cut again.
-    pub(crate) tolerance: f32,
+    /// can be joined afterwards, and large ones are never cut again. One tree of cuts is pruned with each of both.
+    pub(crate) tolerances: [f32; 2],
     /// Sets without a direction of their own that are longer, in texels, are cut in the middle.
     pub(crate) normals_below: f32,
     /// Once it has ended large sets stay whole.
@@ -119,15 +119,41 @@ const OUTLINE_RATIO: f32 = 0.9;
 /// Places tried per direction of a cut.
 const BINS: usize = 16;
 
-/// The fans in an order in which patches are contiguous, and the patches' lengths.
-pub(crate) fn partition(fans: &FanSet<'_>, cutting: &Cutting<'_>) -> (Vec<u32>, Vec<u32>) {
+/// The fans in an order in which patches are contiguous, and the patches' lengths for each tolerance.
+pub(crate) type Partition = (Vec<u32>, [Vec<u32>; 2]);
+
+/// Cuts the fans into patches.
+pub(crate) fn partition(fans: &FanSet<'_>, cutting: &Cutting<'_>) -> Partition {
     partition_by(fans, cutting, ITEMS_AT_ONCE)
 }
 
-fn partition_by(fans: &FanSet<'_>, cutting: &Cutting<'_>, items_at_once: usize) -> (Vec<u32>, Vec<u32>) {
+fn partition_by(fans: &FanSet<'_>, cutting: &Cutting<'_>, items_at_once: usize) -> Partition {
     let mut order: Vec<u32> = (0..fans.shapes.len() as u32).collect();
-    let (_, lengths) = divide_fans(fans, &mut order, cutting, items_at_once, &mut Scratch::default());
+    let mut lengths = vec![[0; 2]; order.len()];
+    divide_fans(fans, &mut order, &mut lengths, cutting, items_at_once, &mut Scratch::default());
+    let of_tolerance = |k: usize| {
+        let mut start = 0;
+        let next = || {
+            let length = lengths.get(start)?[k];
+            start += length as usize;
+            Some(length)
+        };
+        std::iter::from_fn(next).collect()
+    };
+    let lengths = [0, 1].map(of_tolerance);
     (order, lengths)
+}
+
+/// Where a patch begins, its length for each tolerance; what stands within it does not count.
+type Lengths = [[u32; 2]];
+
+/// What the patches of a set cost together, for each tolerance.
+type Costs = [f32; 2];
+
+/// A set as one patch.
+fn whole_set(lengths: &mut Lengths, cost: f32) -> Costs {
+    lengths[0] = [lengths.len() as u32; 2];
+    [cost; 2]
 }
 
 /// Reused buffers.
@@ -147,34 +173,35 @@ struct Sample {
     /// Area times weight.
     weighted: f32,
     /// Its normal, by area.
-    axis: Vec3,
-    low: Vec3,
-    high: Vec3,
+    axis: Vec3A,
+    low: Vec3A,
+    high: Vec3A,
 }
 
 /// As [`divide`], the same patches, with items for at most `items_at_once` fans at a time.
 fn divide_fans(
     fans: &FanSet<'_>,
     order: &mut [u32],
+    lengths: &mut Lengths,
     cutting: &Cutting<'_>,
     items_at_once: usize,
     scratch: &mut Scratch,
-) -> (f32, Vec<u32>) {
+) -> Costs {
     if cutting.watch.has_ended() {
-        return (0.0, vec![order.len() as u32]);
+        return whole_set(lengths, 0.0);
     }
     if order.len() <= items_at_once {
         let item = |ring: &mut Ring, &fan: &u32| fans.item(ring, fan);
         let mut items: Vec<Item> =
             order.par_iter().with_min_len(1024).map_init(Ring::default, item).collect();
-        let found = divide(&mut items, cutting, scratch);
+        let costs = divide(&mut items, lengths, cutting, scratch);
         order.iter_mut().zip(&items).for_each(|(fan, item)| *fan = item.fan);
-        return found;
+        return costs;
     }
     let mut ring = Ring::default();
     let picked: Vec<Item> = samples(order).map(|&fan| fans.item(&mut ring, fan)).collect();
     let (whole, cut) = cut_of(&picked, order.len(), cutting, scratch);
-    let Some(cut) = cut else { return uncut(whole, order.len(), cutting) };
+    let Some(cut) = cut else { return uncut(lengths, whole, cutting) };
     let key = |fan: u32| fans.key(&cut, fan);
     let is_left = |&fan: &u32| key(fan) < cut.threshold;
     let is_left: Vec<bool> = order.par_iter().with_min_len(4096).map(is_left).collect();
@@ -185,15 +212,16 @@ fn divide_fans(
         false => middle,
     };
     let (left, right) = order.split_at_mut(middle);
-    let first = divide_fans(fans, left, cutting, items_at_once, scratch);
-    let second = divide_fans(fans, right, cutting, items_at_once, scratch);
-    cheaper(whole, first, second, cutting)
+    let (left_lengths, right_lengths) = lengths.split_at_mut(middle);
+    let first = divide_fans(fans, left, left_lengths, cutting, items_at_once, scratch);
+    let second = divide_fans(fans, right, right_lengths, cutting, items_at_once, scratch);
+    cheaper(whole, first, second, lengths, cutting)
 }
 
-/// The patches' cost and lengths.
-fn divide(items: &mut [Item], cutting: &Cutting<'_>, scratch: &mut Scratch) -> (f32, Vec<u32>) {
+/// Finds the patches' costs and lengths.
+fn divide(items: &mut [Item], lengths: &mut Lengths, cutting: &Cutting<'_>, scratch: &mut Scratch) -> Costs {
     if items.len() >= MIN_PARALLEL_FANS && cutting.watch.has_ended() {
-        return (0.0, vec![items.len() as u32]);
+        return whole_set(lengths, 0.0);
     }
     let mut picked = std::mem::take(&mut scratch.picked);
     let sampled = if items.len() > MAX_SAMPLES {
@@ -205,27 +233,29 @@ fn divide(items: &mut [Item], cutting: &Cutting<'_>, scratch: &mut Scratch) -> (
     };
     let (whole, cut) = cut_of(sampled, items.len(), cutting, scratch);
     scratch.picked = picked;
-    let Some(cut) = cut else { return uncut(whole, items.len(), cutting) };
+    let Some(cut) = cut else { return uncut(lengths, whole, cutting) };
     let key = |item: &Item| cut.key(item);
     let middle = separate(items, |item| key(item) < cut.threshold);
     let middle = match middle == 0 || middle == items.len() {
         true => halve(items, |item| (key(item), item.fan)),
         false => middle,
     };
+    let is_large = items.len() >= MIN_PARALLEL_FANS;
     let (left, right) = items.split_at_mut(middle);
-    let (first, second) = if left.len() + right.len() >= MIN_PARALLEL_FANS {
-        let other = || divide(right, cutting, &mut Scratch::default());
-        rayon::join(|| divide(left, cutting, scratch), other)
+    let (left_lengths, right_lengths) = lengths.split_at_mut(middle);
+    let (first, second) = if is_large {
+        let other = || divide(right, right_lengths, cutting, &mut Scratch::default());
+        rayon::join(|| divide(left, left_lengths, cutting, scratch), other)
     } else {
-        (divide(left, cutting, scratch), divide(right, cutting, scratch))
+        (divide(left, left_lengths, cutting, scratch), divide(right, right_lengths, cutting, scratch))
     };
-    cheaper(whole, first, second, cutting)
+    cheaper(whole, first, second, lengths, cutting)
 }
 
 /// A set that is not cut.
-fn uncut(whole: f32, count: usize, cutting: &Cutting<'_>) -> (f32, Vec<u32>) {
-    cutting.watch.add(count);
-    (whole, vec![count as u32])
+fn uncut(lengths: &mut Lengths, cost: f32, cutting: &Cutting<'_>) -> Costs {
+    cutting.watch.add(lengths.len());
+    whole_set(lengths, cost)
 }
 
 /// What a set of `count` items, of which some were picked, costs as one patch; and where it is cut, if it is.
@@ -241,17 +271,16 @@ fn cut_of(picked: &[Item], count: usize, cutting: &Cutting<'_>, scratch: &mut Sc
 }
 
 /// A set as one patch, or its two parts as they were cut further.
-fn cheaper(
-    whole: f32,
-    (a, mut first): (f32, Vec<u32>),
-    (b, second): (f32, Vec<u32>),
-    cutting: &Cutting<'_>,
-) -> (f32, Vec<u32>) {
-    if whole * cutting.tolerance <= a + b {
-        return (whole, vec![first.iter().chain(&second).sum()]);
+fn cheaper(whole: f32, first: Costs, second: Costs, lengths: &mut Lengths, cutting: &Cutting<'_>) -> Costs {
+    let mut costs = [0, 1].map(|k| first[k] + second[k]);
+    let count = lengths.len() as u32;
+    for (k, cost) in costs.iter_mut().enumerate() {
+        if whole * cutting.tolerances[k] <= *cost {
+            lengths[0][k] = count;
+            *cost = whole;
+        }
     }
-    first.extend(second);
-    (a + b, first)
+    costs
 }
 
 /// Items with a smaller key go left.
@@ -340,7 +369,6 @@ const UNEVEN_DENSITY_RATIO: f32 = 1.25;
 
 /// A set as one patch.
 struct Tile {
-    direction: Vec3,
     /// Along the sides of its rectangle.
     sides: [Vec3; 2],
     cost: f32,
@@ -387,29 +415,31 @@ impl Set {
         let Rectangle { x_axis, .. } = scratch.rectangles.smallest(&mut scratch.points, 0.0);
         let side = x * x_axis.x + y * x_axis.y;
         let sides = [side, direction.cross(side)];
-        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        for item in picked {
-            let p = Vec2::new(item.position.dot(sides[0]), item.position.dot(sides[1]));
-            let reach = Vec2::from(sides.map(|side| item.reach.along(side)));
-            low = low.min(p - reach);
-            high = high.max(p + reach);
+        self.sample(picked, &[sides[0], sides[1], direction], &mut scratch.samples);
+        let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let mut error = 0.0;
+        for (sample, item) in scratch.samples.iter().zip(picked) {
+            low = low.min(sample.low);
+            high = high.max(sample.high);
+            error += sample.weighted * item.error * cost::error_at(item.axis.dot(direction));
         }
-        let size = (high - low) * self.density;
-        let error = picked.iter().map(|item| {
-            let weighted = item.area * self.weight(item.density);
-            weighted * item.error * cost::error_at(item.axis.dot(direction))
-        });
-        let error: f32 = error.sum();
+        let size = Vec3::from(high - low).truncate() * self.density;
         let squared = self.times * self.density * self.density;
         let (error, area) = (error * squared, self.axis.dot(direction).max(0.0) / self.times * squared);
         let region = Region { size, area, outline: OUTLINE_RATIO * 2.0 * (size.x + size.y) };
         let longest_spoke = picked.iter().map(|item| item.longest_spoke).fold(0.0, f32::max);
         let fits = alone || may_share(size, longest_spoke * self.density, extent_texels);
         let cost = if fits { cost::cost(error, &region) } else { f32::INFINITY };
-        Some(Tile { direction, sides, cost })
+        Some(Tile { sides, cost })
     }
 
-    /// The plane whose two sides promise to cost least.
+    /// The items along axes.
+    fn sample(&self, picked: &[Item], axes: &[Vec3; 3], samples: &mut Vec<Sample>) {
+        samples.clear();
+        samples.extend(picked.iter().map(|item| Sample::of(item, self.weight(item.density), axes)));
+    }
+
+    /// The plane whose two sides promise to cost least. What was picked is among the samples if there is a tile.
     fn cut(
         &self,
         picked: &[Item],
@@ -435,18 +465,19 @@ impl Set {
         if !cuts.is_empty() && self.densities[1] > UNEVEN_DENSITY_RATIO * self.densities[0] {
             cuts.push(Along::Density);
         }
-        if !cuts.is_empty() {
-            let axes = tile.map_or(Vec3::AXES, |t| [t.sides[0], t.sides[1], t.direction]);
-            sampled.clear();
-            sampled.extend(picked.iter().map(|item| Sample::of(item, self.weight(item.density), &axes)));
+        if tile.is_none() && !cuts.is_empty() {
+            self.sample(picked, &Vec3::AXES, sampled);
         }
         let mut best: Option<(f32, Cut)> = None;
         for along in cuts {
             let mut cut = Cut { along, threshold: 0.0 };
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
             for (sample, item) in sampled.iter_mut().zip(picked) {
                 sample.key = cut.key(item);
+                low = low.min(sample.key);
+                high = high.max(sample.key);
             }
-            if let Some((cost, threshold)) = self.sweep(sampled)
+            if let Some((cost, threshold)) = self.sweep(sampled, [low, high])
                 && best.is_none_or(|(least, _)| cost < least)
             {
                 cut.threshold = threshold;
@@ -461,13 +492,8 @@ impl Set {
         best.map_or_else(widest, |(_, cut)| cut)
     }
 
-    /// The best of evenly spaced places of a cut, with what both sides promise to cost.
-    fn sweep(&self, sampled: &[Sample]) -> Option<(f32, f32)> {
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        for sample in sampled {
-            low = low.min(sample.key);
-            high = high.max(sample.key);
-        }
+    /// The best of evenly spaced places of a cut, with what both sides promise to cost. The keys lie between `low` and `high`.
+    fn sweep(&self, sampled: &[Sample], [low, high]: [f32; 2]) -> Option<(f32, f32)> {
         let scale = BINS as f32 / (high - low);
         if !scale.is_finite() {
             return None;
@@ -517,6 +543,7 @@ impl Sample {
         let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
         let axis = coordinates(item.axis) * item.area;
         let weighted = item.area * weight;
+        let (axis, p, reach) = (Vec3A::from(axis), Vec3A::from(p), Vec3A::from(reach));
         Self { key: 0.0, area: item.area, weighted, axis, low: p - reach, high: p + reach }
     }
 }
@@ -527,15 +554,16 @@ struct Bin {
     area: f32,
     /// Area times weight.
     weighted: f32,
-    axis: Vec3,
+    axis: Vec3A,
     /// Along the sides and the direction of the tile, or along the axes.
-    low: Vec3,
-    high: Vec3,
+    low: Vec3A,
+    high: Vec3A,
 }
 
 impl Default for Bin {
     fn default() -> Self {
-        Self { area: 0.0, weighted: 0.0, axis: Vec3::ZERO, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }
+        let (low, high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        Self { area: 0.0, weighted: 0.0, axis: Vec3A::ZERO, low, high }
     }
 }
 
@@ -568,16 +596,17 @@ impl Bin {
 
     /// An estimate. Normals spread evenly over a cap whose mean has the length `m` have an error of about `m^-5` per area.
     fn cost(&self, set: &Set) -> f32 {
-        let length = self.axis.length() / self.area.max(f32::MIN_POSITIVE);
+        let axis = Vec3::from(self.axis);
+        let length = axis.length() / self.area.max(f32::MIN_POSITIVE);
         let mean = length.max(0.05);
         let density = self.density(set);
         let area = self.area * set.times * density * density;
         let error = area / (mean * mean * mean * mean * mean);
         // The box as it is seen along the mean normal.
-        let size = (self.high - self.low) * density;
+        let size = Vec3::from(self.high - self.low) * density;
         let sides = Vec3::new(size.y * size.z, size.z * size.x, size.x * size.y);
-        let seen = sides.dot(self.axis.abs()) / self.axis.length().max(f32::MIN_POSITIVE);
-        let seen_area = self.axis.length() * set.times * density * density;
+        let seen = sides.dot(axis.abs()) / axis.length().max(f32::MIN_POSITIVE);
+        let seen_area = axis.length() * set.times * density * density;
         let side = seen.max(0.0).sqrt();
         cost::cost(
             error,
@@ -846,9 +875,11 @@ mod tests {
             let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
             let density = NominalDensity::new(&surface, &options);
             let fans = FanSet { surface: &surface, shapes: &shapes, density: &density };
-            let cutting = Cutting { extent_texels: 512.0, tolerance: 1.03, normals_below: 768.0, watch };
+            let tolerances = [1.03, 1.15];
+            let cutting = Cutting { extent_texels: 512.0, tolerances, normals_below: 768.0, watch };
             let at_once = partition_by(&fans, &cutting, usize::MAX);
-            assert!(at_once.1.len() > 8, "{} patches", at_once.1.len());
+            let counts = at_once.1.each_ref().map(Vec::len);
+            assert!(counts[1] > counts[0] && counts[0] > 8, "{counts:?} patches");
             for items in [3000, 40, 1] {
                 assert!(partition_by(&fans, &cutting, items) == at_once, "{items} items, {texels} texels");
             }

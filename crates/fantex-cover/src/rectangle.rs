@@ -72,6 +72,8 @@ impl RectangleFinder {
     }
 
     fn convex_hull(&mut self, points: &mut [Vec3]) {
+        let outer = if points.len() > MIN_THINNED { move_inner_back(points) } else { points.len() };
+        let points = &mut points[..outer];
         points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
         self.hull.clear();
         self.half_hull(points.iter());
@@ -113,6 +115,62 @@ impl RectangleFinder {
         }
     }
 }
+
+/// Fewer points are sorted as they are.
+const MIN_THINNED: usize = 24;
+
+/// Moves the points behind the others that lie well inside the octagon of those that lie farthest in eight directions, so that they are not on
+/// the convex hull (S. G. Akl and G. T. Toussaint, "A Fast Convex Hull Algorithm", 1978). Returns how many others there are.
+fn move_inner_back(points: &mut [Vec3]) -> usize {
+    let (mut low, mut high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+    // Counter-clockwise: farthest to the right, the upper right, upwards and so on.
+    let mut corners = [Vec2::ZERO; 8];
+    for p in points.iter() {
+        let along = Vec4::new(p.x, p.x + p.y, p.y, p.y - p.x);
+        let (lower, higher) = (along.cmplt(low), along.cmpgt(high));
+        if (lower | higher).any() {
+            for k in 0..4 {
+                if higher.test(k) {
+                    corners[k] = p.truncate();
+                }
+                if lower.test(k) {
+                    corners[k + 4] = p.truncate();
+                }
+            }
+            (low, high) = (low.min(along), high.max(along));
+        }
+    }
+    let middle = 0.5 * Vec2::new(low.x + high.x, low.z + high.z);
+    let margin = ROUNDING * Vec2::new(high.x - low.x, high.z - low.z).length_squared();
+    if margin <= 0.0 {
+        return points.len();
+    }
+    // What lies to the left of all sides by more than rounding is inside.
+    let sides = [0, 4].map(|first| {
+        let mut lines = [[0.0, 0.0, f32::NEG_INFINITY]; 4];
+        for (k, line) in (first..).zip(&mut lines) {
+            let (from, to) = (corners[k] - middle, corners[(k + 1) % 8] - middle);
+            if from != to {
+                let normal = (to - from).perp();
+                *line = [normal.x, normal.y, normal.dot(from) + margin];
+            }
+        }
+        [0, 1, 2].map(|i| Vec4::from(lines.map(|line| line[i])))
+    });
+    let mut outer = 0;
+    for i in 0..points.len() {
+        let p = points[i].truncate() - middle;
+        let is_inside = |[x, y, least]: &[Vec4; 3]| (*x * p.x + *y * p.y).cmpgt(*least).all();
+        if !sides.iter().all(is_inside) {
+            points.swap(i, outer);
+            outer += 1;
+        }
+    }
+    outer
+}
+
+/// What rounding moves a product of lengths by at most, as a share of the square of the longest.
+const ROUNDING: f32 = 1e-6;
 
 /// The best of the rectangles around the points with a side along one of the unit vectors; among equals the first.
 fn smallest_along(axes: &[Vec2], points: &[Vec2], pad: f32) -> Rectangle {
@@ -197,6 +255,36 @@ mod tests {
 
     fn padded_area(r: &Rectangle) -> f32 {
         (r.size.x + 0.01) * (r.size.y + 0.01)
+    }
+
+    #[test]
+    fn points_within_are_left_out_of_sorting_only() {
+        let mut random = fantex_base::Random::new(3);
+        for round in 0..200 {
+            let count = 3 + round % 100;
+            // A disc, a grid with many points on its border, a line, a point.
+            let mut point = |_| {
+                let [x, y] = [random.unit() as f32 - 0.5, random.unit() as f32 - 0.5];
+                match round % 4 {
+                    0 => Vec2::from_angle(9.0 * x) * y,
+                    1 => (8.0 * Vec2::new(x, y)).round(),
+                    2 => Vec2::new(x, 3.0 * x),
+                    _ => Vec2::ONE,
+                }
+            };
+            let mut points: Vec<Vec3> = (0..count).map(|i| point(i).extend(0.0)).collect();
+            let outer = move_inner_back(&mut points);
+            assert!(outer > 0 && (round % 4 != 0 || outer < count || count < 20), "{outer} of {count}");
+            let hull = |points: &mut [Vec3]| {
+                let mut finder = RectangleFinder::default();
+                // In small numbers points are not moved.
+                points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+                finder.half_hull(points.iter());
+                finder.half_hull(points.iter().rev());
+                finder.hull
+            };
+            assert_eq!(hull(&mut points[..outer].to_vec()), hull(&mut points));
+        }
     }
 
     proptest! {

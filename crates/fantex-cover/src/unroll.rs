@@ -56,8 +56,9 @@ impl Unroller {
         limits: &FlatLimits,
         rectangles: &mut RectangleFinder,
     ) -> Option<(Flat, FlatCorners)> {
-        let points = self.gather(surface, fans)?;
+        self.find_parts(surface, fans)?;
         let direction = self.direction(surface)?;
+        let points = self.glue(surface, fans)?;
         self.sheet.find_edges()?;
         match start {
             Some(planar) => self.start_with(surface, fans[0], planar, points),
@@ -79,13 +80,12 @@ impl Unroller {
         facets().all(|(normal, _)| normal.dot(direction) >= MIN_COSINE).then_some(direction)
     }
 
-    /// The group's triangles as a mesh of its own, glued along edges that have an end in the group. Returns the number of its points.
-    fn gather(&mut self, surface: &Surface<'_>, fans: &[u32]) -> Option<usize> {
+    /// Finds the group's triangles.
+    fn find_parts(&mut self, surface: &Surface<'_>, fans: &[u32]) -> Option<()> {
         let mut corners: Vec<FanCorner> =
             fans.iter().flat_map(|&fan| surface.fans.corners(fan as usize)).copied().collect();
         corners.sort_unstable_by_key(|corner| corner.corner());
         self.parts.clear();
-        self.sheet.clear();
         for around in corners.chunk_by(|a, b| a.triangle() == b.triangle()) {
             let corner = around[0];
             // Fans that see a triangle from both of its sides cannot share a tile.
@@ -95,6 +95,12 @@ impl Unroller {
             let inside = corner.slots().map(|slot| around.iter().any(|other| other.slots()[0] == slot));
             self.parts.push(Part { corner, inside });
         }
+        Some(())
+    }
+
+    /// The group's triangles as a mesh of its own, glued along edges that have an end in the group. Returns the number of its points.
+    fn glue(&mut self, surface: &Surface<'_>, fans: &[u32]) -> Option<usize> {
+        self.sheet.clear();
         let parts = &self.parts;
         let part_of = |corner: FanCorner| {
             parts.binary_search_by_key(&corner.triangle(), |part| part.corner.triangle()).unwrap_or(0)
