@@ -344,7 +344,7 @@ impl<'a> Baker<'a> {
         // Before the mesh is cut and covered, which takes its time.
         self.leave_out(&left_out, goal)?;
         let mut notes = if goal.is_part() { Vec::new() } else { left_out.notes() };
-        notes.iter().for_each(|note| self.progress.0.note(note));
+        notes.iter().for_each(|note| self.progress.progress.note(note));
         if let (Some(own), false) = (&own, goal.is_part()) {
             notes.extend(self.note_of_squares(&source, own, share));
             if is_default {
