@@ -60,10 +60,13 @@ pub fn model_notes(output: &Path, summary: &ExportSummary, kind: ModelKind) -> V
         ));
     }
     if summary.overlapping_share > 1e-3 {
+        let percent = 100.0 * summary.overlapping_share;
+        let how = match summary.charts {
+            0 => "without '--uv source' every triangle has texels of its own",
+            _ => "pieces overlap themselves there",
+        };
         notes.push(format!(
-            "{output}: {:.1} % of the used texels are claimed by several triangles, and one of these shows there; without \
-             '--uv source' every triangle has texels of its own",
-            100.0 * summary.overlapping_share
+            "{output}: {percent:.1} % of the used texels are claimed by several triangles, and one of these shows there; {how}"
         ));
     }
     if summary.points > 0 {

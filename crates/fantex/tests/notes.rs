@@ -273,3 +273,22 @@ fn models_say_what_they_lack() {
     // Who asks for a side does not ask for a density.
     assert_eq!(notes(ModelKind::Baked { side: Some(64) }), [cut_off]);
 }
+
+/// Only who has asked for the model's coordinates is told to leave them.
+#[cfg(feature = "export")]
+#[test]
+fn notes_on_shared_texels_depend_on_the_layout() {
+    let kind = ModelKind::Exported { fans: false, padding: None };
+    for (charts, names_the_option) in [(0, true), (3, false)] {
+        let summary = ExportSummary {
+            charts,
+            used_share: 0.5,
+            density_share: 1.0,
+            overlapping_share: 0.01,
+            ..ExportSummary::default()
+        };
+        let notes = model_notes(Path::new("a.glb"), &summary, kind);
+        assert!(notes.len() == 1 && notes[0].contains("1.0 % of the used texels"), "{notes:?}");
+        assert_eq!(notes[0].contains("--uv source"), names_the_option, "{notes:?}");
+    }
+}
