@@ -95,11 +95,17 @@ pub fn model_notes(output: &Path, summary: &ExportSummary, kind: ModelKind) -> V
             }
             _ => continue,
         };
-        let how = match kind {
-            ModelKind::Exported { .. } => format!("write them with --channel {option}"),
-            ModelKind::Baked { .. } => format!("bake an asset, and export them with --channel {option}"),
-        };
-        notes.push(format!("{output}: glTF has no place for the {name}; {how}"));
+        notes.push(match kind {
+            ModelKind::Exported { fans: true, .. } => {
+                format!("{output}: there is no sheet of the {name}; --channel {option} writes them in the layout of an atlas")
+            }
+            ModelKind::Exported { .. } => {
+                format!("{output}: glTF has no place for the {name}; write them with --channel {option}")
+            }
+            ModelKind::Baked { .. } => format!(
+                "{output}: glTF has no place for the {name}; bake an asset, and export them with --channel {option}"
+            ),
+        });
     }
     if let ModelKind::Exported { padding: Some(asked), .. } = kind
         && summary.charts > 0

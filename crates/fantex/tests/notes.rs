@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 #[cfg(feature = "export")]
 use fantex::export::{ChannelMap, ExportSummary};
-use fantex::store::Plan;
+use fantex::store::{ChannelKind, Plan};
 use fantex::{Baker, ErrorKind, Mesh, NoProgress, Progress, Source};
 #[cfg(feature = "export")]
 use fantex::{ModelKind, model_notes};
@@ -291,4 +291,21 @@ fn notes_on_shared_texels_depend_on_the_layout() {
         assert!(notes.len() == 1 && notes[0].contains("1.0 % of the used texels"), "{notes:?}");
         assert_eq!(notes[0].contains("--uv source"), names_the_option, "{notes:?}");
     }
+}
+
+#[cfg(feature = "export")]
+#[test]
+fn channels_without_a_sheet_are_named() {
+    let left_out = vec![ChannelKind::Displacement, ChannelKind::Anisotropy];
+    let summary = ExportSummary {
+        charts: 3,
+        used_share: 0.5,
+        density_share: 1.0,
+        left_out,
+        ..ExportSummary::default()
+    };
+    let kind = ModelKind::Exported { fans: true, padding: None };
+    let notes = model_notes(Path::new("a.usda"), &summary, kind);
+    assert!(notes[0].contains("no sheet of the heights; --channel displacement"), "{notes:?}");
+    assert_eq!(notes[1..], ["a.usda: stretched highlights are left out"]);
 }

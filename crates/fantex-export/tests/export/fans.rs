@@ -228,6 +228,23 @@ fn unlit_materials_shine_and_factors_of_opacity_count() {
     assert!(has(sign, "emission_color", "0.25, 0.5, 0.75") && !sign.contains("metal"), "{sign}");
 }
 
+#[test]
+fn channels_without_a_sheet_are_told() {
+    use ChannelKind::{Anisotropy, BaseColor, Displacement};
+    let waves = Waves { kinds: vec![BaseColor, Anisotropy, Displacement], ..Waves::color(2.0) };
+    let waves = baked(&cleaned(generate::torus(8, 6)), &waves, 5000, fantex_bake::BakeFormat::Rgba8);
+    let export = |name: &str| {
+        export_fans(&waves.asset, &waves.path(name), &FanFileOptions::default(), &NoProgress).unwrap()
+    };
+    for name in ["a.glb", "b.usda"] {
+        let summary = export(name);
+        assert_eq!(
+            (summary.maps, summary.left_out),
+            (vec![ChannelMap::BaseColor], vec![Anisotropy, Displacement])
+        );
+    }
+}
+
 /// All maps of sheets, with light that is brighter than 1.
 /// In tiles of at most so many columns and rows.
 fn bright(tile: u32) -> Baked {
