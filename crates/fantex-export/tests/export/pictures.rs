@@ -349,7 +349,8 @@ fn triangles_without_area_in_the_coordinates_show_their_own_colour() {
         for bits in 0..8 {
             let expected =
                 Vec3::from_array([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 0.9 } else { 0.1 }));
-            for row in [16.0, 16.0 + 32.0 * height, 16.0 + 64.0 * height] {
+            // Not at the ends of a line, which neighbours share.
+            for row in [16.0 + 24.0 * height, 16.0 + 32.0 * height] {
                 let seen = Vec4::from_array(image.linear_texel(8 * bits + 4, row as u32)).truncate();
                 assert!((seen - expected).abs().max_element() < 0.05, "{height}: {seen} {expected}");
             }
