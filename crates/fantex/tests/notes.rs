@@ -7,7 +7,7 @@ use std::sync::Mutex;
 
 #[cfg(feature = "export")]
 use fantex::export::{ChannelMap, ExportSummary};
-use fantex::store::{ChannelKind, Plan};
+use fantex::store::Plan;
 use fantex::{Baker, ErrorKind, Mesh, NoProgress, Progress, Source};
 #[cfg(feature = "export")]
 use fantex::{ModelKind, model_notes};
@@ -296,7 +296,8 @@ fn notes_on_shared_texels_depend_on_the_layout() {
 #[cfg(feature = "export")]
 #[test]
 fn channels_without_a_sheet_are_named() {
-    let left_out = vec![ChannelKind::Displacement, ChannelKind::Anisotropy];
+    use fantex::store::ChannelKind;
+    let left_out = [ChannelKind::Displacement, ChannelKind::Anisotropy].to_vec();
     let summary = ExportSummary {
         charts: 3,
         used_share: 0.5,
