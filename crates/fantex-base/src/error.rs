@@ -166,12 +166,12 @@ impl Error {
         self.context(path.display()).with_path(path)
     }
 
-    /// Has the sentence and the path name another file, for one that nobody else knows.
+    /// Has the sentence and the path name another file, for one that nobody else knows; or another folder, for one with such files.
     pub fn renamed(mut self, file: &Path, name: &Path) -> Self {
         let [known, told] = [file, name].map(|path| path.display().to_string());
         self.0.message = self.0.message.replace(&known, &told);
-        if self.path() == Some(file) {
-            self.0.path = Some(name.to_owned());
+        if let Some(rest) = self.path().and_then(|path| path.strip_prefix(file).ok()) {
+            self.0.path = Some(if rest.as_os_str().is_empty() { name.to_owned() } else { name.join(rest) });
         }
         self
     }

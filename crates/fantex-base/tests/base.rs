@@ -41,6 +41,16 @@ fn what_is_left_of_the_work_is_said_last() {
 }
 
 #[test]
+fn files_of_a_folder_that_nobody_knows_have_other_names() {
+    for (file, name) in [(".tmp-1/a.fan", "out/a.fan"), (".tmp-1", "out"), ("b/c.fan", "b/c.fan")] {
+        let error = Error::writing(file, io::Error::from(io::ErrorKind::StorageFull));
+        let error = error.renamed(Path::new(".tmp-1"), Path::new("out"));
+        assert!(error.to_string().starts_with(&format!("cannot write {name}: ")), "{error}");
+        assert_eq!(error.path().map(Path::as_os_str), Some(name.as_ref()));
+    }
+}
+
+#[test]
 fn a_missing_file_is_not_found() {
     let error = Error::reading("none.obj", io::Error::from(io::ErrorKind::NotFound));
     assert_eq!(error.kind(), ErrorKind::NotFound);

@@ -11,13 +11,14 @@
 
 use std::collections::{BTreeMap, BinaryHeap};
 
+use fantex_base::UnionFind;
 use fantex_cover::{Rectangle, RectangleFinder, SPAN_SLACK, span};
 use fantex_mesh::{Edges, Mesh};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
 use crate::layout_progress::LayoutProgress;
-use crate::overlaps::without_crossings;
+use crate::overlaps::{for_each_side, without_crossings};
 use crate::plans::{GROWTH_OF_ALL, Plan};
 use crate::slots::Slots;
 use crate::unions::unite;
@@ -481,37 +482,56 @@ impl<'a> Cutter<'a> {
         charts
     }
 
-    /// Cuts a chart into some that do not overlap themselves. `is_whole` where it hangs together, so that its border tells.
+    /// Cuts a chart into some that hang together and do not overlap themselves. `is_whole` where it hangs together.
     fn cut(&self, chart: Chart, is_whole: bool) -> Vec<Chart> {
-        let (mut charts, mut waiting) = (Vec::new(), vec![(chart, is_whole)]);
-        while let Some((chart, is_whole)) = waiting.pop() {
-            let is_taken = self.first_part(&chart, is_whole);
+        let mut charts = Vec::new();
+        let mut waiting = if is_whole { vec![chart] } else { self.connected(chart) };
+        while let Some(chart) = waiting.pop() {
+            let is_taken = self.first_part(&chart);
             if is_all(&is_taken) {
                 charts.push(chart);
                 continue;
             }
-            waiting.extend([false, true].map(|which| {
+            for which in [false, true] {
                 let part = chart.iter().zip(&is_taken).filter(|(_, is)| **is == which);
                 let (triangles, corners) = part.map(|(triangle, _)| triangle).unzip();
-                (Chart::new(triangles, corners), false)
-            }));
+                waiting.extend(self.connected(Chart::new(triangles, corners)));
+            }
         }
         charts
     }
 
-    /// Which triangles of a chart come into its first part, all of them where it does not overlap itself.
-    fn first_part(&self, chart: &Chart, is_whole: bool) -> Vec<bool> {
-        let uncrossed = || without_crossings(chart, self.across, &self.slots);
-        let mut of_whole = is_whole.then(uncrossed);
-        if let Some(all) = of_whole.take_if(|is_taken| is_all(is_taken)) {
-            return all;
+    /// The parts of a chart that hang together: only of such a one its border tells whether it overlaps itself.
+    fn connected(&self, chart: Chart) -> Vec<Chart> {
+        let mut sets = UnionFind::new(chart.triangles.len());
+        for_each_side(&chart, self.across, &self.slots, |index, _, beyond| {
+            if let Some(beyond) = beyond {
+                sets.union(index as u32, beyond as u32);
+            }
+        });
+        let mut part_of = Vec::new();
+        let count = sets.number(&mut part_of);
+        if count < 2 {
+            return vec![chart];
+        }
+        let mut parts = vec![(Vec::new(), Vec::new()); count];
+        for (&part, (triangle, corners)) in part_of.iter().zip(chart.iter()) {
+            let (triangles, places) = &mut parts[part as usize];
+            triangles.push(triangle);
+            places.push(corners);
+        }
+        parts.into_iter().map(|(triangles, corners)| Chart::new(triangles, corners)).collect()
+    }
+
+    /// Which triangles of a chart that hangs together come into its first part, all of them where it does not overlap itself.
+    fn first_part(&self, chart: &Chart) -> Vec<bool> {
+        let uncrossed = without_crossings(chart, self.across, &self.slots);
+        if is_all(&uncrossed) {
+            return uncrossed;
         }
         // Much of it first, where it overlaps widely.
         let in_cells = without_overlap(self.mesh, chart, self.texels_per_unit);
-        if !is_all(&in_cells) {
-            return in_cells;
-        }
-        of_whole.unwrap_or_else(uncrossed)
+        if is_all(&in_cells) { uncrossed } else { in_cells }
     }
 }
 
@@ -671,6 +691,20 @@ mod tests {
         let chart = Chart::new(vec![0, 1], vec![triangle(0.0, 0.0), triangle(0.5, 1.75)]);
         let charts = Cutter::new(&mesh, &continued(&mesh), 0.01).cut(chart, true);
         let triangles: Vec<_> = charts.into_iter().map(|chart| chart.triangles).collect();
+        assert_eq!(triangles, [[0], [1]]);
+    }
+
+    /// A triangle inside another one crosses no border, and may be smaller than any cell.
+    #[test]
+    fn triangles_inside_others_get_charts_of_their_own() {
+        let triangle = |x: f32, size: f32| [[x, x], [x + size, x + 2.0 * size], [x + 2.0 * size, x]];
+        let corners =
+            [triangle(0.0, 1.0), triangle(0.8, 0.1)].map(|corners| corners.map(Vec2::from)).to_vec();
+        let mesh = Mesh { triangles: vec![[0, 1, 2], [3, 4, 5]], ..Mesh::default() };
+        let across = continued(&mesh);
+        let charts = Cutter::new(&mesh, &across, 0.01).cut(Chart::new(vec![0, 1], corners), false);
+        let mut triangles: Vec<_> = charts.into_iter().map(|chart| chart.triangles).collect();
+        triangles.sort_unstable();
         assert_eq!(triangles, [[0], [1]]);
     }
 

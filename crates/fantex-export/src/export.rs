@@ -48,7 +48,7 @@ pub struct ExportSummary {
     pub triangles: u64,
     /// Vertices of the model; 0 for a single picture.
     pub vertices: usize,
-    /// Channels that glTF has no place for.
+    /// Channels that the model has no place for.
     pub left_out: Vec<ChannelKind>,
     /// Light that is brighter than 1 and cut off there, as PNG holds no more: what, and its largest number.
     pub cut_off: Vec<(ChannelMap, f32)>,

@@ -199,6 +199,7 @@ impl<'a> FanFile<'a> {
             texels,
             triangles: mesh.triangles.len() as u64,
             vertices: geometry.positions.len(),
+            left_out: packer.left_out(),
             cut_off: if kinds.contains(&SampleKind::Fixed) { packer.cut_off.clone() } else { Vec::new() },
             damage: told(&packer.cache.damage()),
             ..ExportSummary::default()

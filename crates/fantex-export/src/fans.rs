@@ -186,6 +186,12 @@ impl<'a> Packer<'a> {
         Ok(Self { cache, options: *options, plans, maps, cut_off, shapes })
     }
 
+    /// The asset's channels that no sheet shows.
+    pub(crate) fn left_out(&self) -> Vec<ChannelKind> {
+        let kinds = self.cache.asset().channels().iter().map(|channel| channel.kind);
+        kinds.filter(|&kind| self.maps.iter().all(|map| map.kind.channel() != kind)).collect()
+    }
+
     /// Numbers of sheet and map of all pictures, in the order in which they are made.
     pub(crate) fn pictures(&self) -> impl Iterator<Item = (usize, usize)> {
         let maps = self.maps.len();

@@ -347,10 +347,14 @@ impl Document<'_> {
             Some(json!({ "index": first_picture + page * self.maps.len() + map }))
         };
         let normal = texture(ChannelMap::Normal);
-        // In object space, so no program that knows no fans may take them for its own.
+        // Normals are in object space, so no program that knows no fans may take them for its own; for light that arrives glTF has no place.
         let extras = self.delta.map(|delta| {
-            let picture = normal.as_ref().map(|texture| texture["index"].clone());
-            object(json!({ "fantexDelta": delta, "fantexObjectNormalTexture": picture }))
+            let picture = |texture: &Option<Value>| texture.as_ref().map(|texture| texture["index"].clone());
+            object(json!({
+                "fantexDelta": delta,
+                "fantexObjectNormalTexture": picture(&normal),
+                "fantexLightTexture": picture(&texture(ChannelMap::Light)),
+            }))
         });
         let (orm, color) = (texture(ChannelMap::OcclusionRoughnessMetallic), texture(ChannelMap::BaseColor));
         let factor = |factor: f32| orm.is_none().then(|| factor.clamp(0.0, 1.0));

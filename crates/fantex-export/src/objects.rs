@@ -140,7 +140,7 @@ impl Progress for Share<'_> {
     }
 }
 
-/// What was exported of several assets: sums, means over texels, and the lowest density.
+/// What was exported of several assets: sums, means over texels, the lowest density, and the brightest light.
 fn joined(mut a: ExportSummary, b: ExportSummary) -> ExportSummary {
     let covered = |summary: &ExportSummary| summary.used_share * summary.texels as f64;
     let contested = |summary: &ExportSummary| summary.overlapping_share * covered(summary);
@@ -157,9 +157,29 @@ fn joined(mut a: ExportSummary, b: ExportSummary) -> ExportSummary {
     a.points += b.points;
     a.triangles += b.triangles;
     a.vertices += b.vertices;
+    for (map, largest) in b.cut_off {
+        match a.cut_off.iter_mut().find(|(known, _)| *known == map) {
+            Some((_, most)) => *most = most.max(largest),
+            None => a.cut_off.push((map, largest)),
+        }
+    }
     a.damage = match (a.damage, b.damage) {
         (Some((pages, first)), Some((more, _))) => Some((pages + more, first)),
         (one, other) => one.or(other),
     };
     a
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ChannelMap::{Emission, Light};
+
+    #[test]
+    fn the_brightest_light_of_all_assets_is_told() {
+        let of = |cut_off: &[_]| ExportSummary { cut_off: cut_off.to_vec(), ..ExportSummary::default() };
+        let all = [of(&[]), of(&[(Light, 1.5)]), of(&[(Emission, 2.0), (Light, 3.0)]), of(&[(Light, 2.5)])];
+        let whole = all.into_iter().reduce(joined).unwrap();
+        assert_eq!(whole.cut_off, [(Light, 3.0), (Emission, 2.0)]);
+    }
 }

@@ -1,4 +1,4 @@
-//! Where a chart overlaps itself by less than a cell.
+//! Where a chart that hangs together overlaps itself.
 //!
 //! All of its triangles lie the same way up, so its border crosses itself where it overlaps, or it overlaps around a point of the border.
 
@@ -45,28 +45,41 @@ const ROUNDING: f64 = 1e-5;
 /// Triangles around a point that overlap by less, radians, lie beside each other: what single precision leaves of the angles of slivers.
 const ROUNDING_OF_ANGLES: f64 = 1e-4;
 
-/// Which triangles have no side on the border that crosses another one's, but for the larger one of any two: where a chart overlaps itself by
-/// less than a cell, its border crosses itself. Numbers the chart's triangles.
-pub(crate) fn without_crossings(chart: &Chart, across: &[u32], slots: &Slots) -> Vec<bool> {
+/// Numbers a chart's triangles, and visits their sides: the triangle's index, which of its sides it is, and the index of the triangle beyond that
+/// has the same side in the plane, if there is one.
+pub(crate) fn for_each_side(
+    chart: &Chart,
+    across: &[u32],
+    slots: &Slots,
+    mut visit: impl FnMut(usize, usize, Option<usize>),
+) {
     slots.number(&chart.triangles);
     // What is no triangle of the chart has any number.
     let index_of = |t: u32| Some(slots.of(t) as usize).filter(|&i| chart.triangles.get(i) == Some(&t));
-    let mut sides = Vec::new();
     for (index, (triangle, corners)) in chart.iter().enumerate() {
         for (k, half_edge) in (0..3).zip(3 * triangle..) {
-            let ends = [corners[k], corners[(k + 1) % 3]];
             let other = across[half_edge as usize];
-            let goes_on = other != NONE
-                && index_of(other / 3).is_some_and(|beyond| {
-                    let corners = chart.corners[beyond];
-                    let at = other as usize % 3;
-                    [corners[(at + 1) % 3], corners[at]] == ends
-                });
-            if !goes_on {
-                sides.push(Side { index, ends: ends.map(Vec2::as_dvec2) });
-            }
+            let beyond = if other == NONE { None } else { index_of(other / 3) };
+            let ends = [corners[k], corners[(k + 1) % 3]];
+            let is_same = |beyond: &usize| {
+                let (corners, at) = (chart.corners[*beyond], other as usize % 3);
+                [corners[(at + 1) % 3], corners[at]] == ends
+            };
+            visit(index, k, beyond.filter(is_same));
         }
     }
+}
+
+/// Which triangles have no side on the border that crosses another one's, but for the larger one of any two: where a chart that hangs together
+/// overlaps itself, its border crosses itself. Numbers the chart's triangles.
+pub(crate) fn without_crossings(chart: &Chart, across: &[u32], slots: &Slots) -> Vec<bool> {
+    let mut sides = Vec::new();
+    for_each_side(chart, across, slots, |index, k, beyond| {
+        if beyond.is_none() {
+            let corners = chart.corners[index];
+            sides.push(Side { index, ends: [corners[k], corners[(k + 1) % 3]].map(Vec2::as_dvec2) });
+        }
+    });
     sides.sort_by(|a, b| a.ranges()[0].0.total_cmp(&b.ranges()[0].0));
     let mut is_taken = vec![true; chart.triangles.len()];
     any_pair_of_boxes(&sides, Side::ranges, usize::MAX, |one, other| {

@@ -60,10 +60,13 @@ pub fn model_notes(output: &Path, summary: &ExportSummary, kind: ModelKind) -> V
         ));
     }
     if summary.overlapping_share > 1e-3 {
+        let percent = 100.0 * summary.overlapping_share;
+        let how = match summary.charts {
+            0 => "without '--uv source' every triangle has texels of its own",
+            _ => "pieces overlap themselves there",
+        };
         notes.push(format!(
-            "{output}: {:.1} % of the used texels are claimed by several triangles, and one of these shows there; without \
-             '--uv source' every triangle has texels of its own",
-            100.0 * summary.overlapping_share
+            "{output}: {percent:.1} % of the used texels are claimed by several triangles, and one of these shows there; {how}"
         ));
     }
     if summary.points > 0 {
@@ -92,11 +95,17 @@ pub fn model_notes(output: &Path, summary: &ExportSummary, kind: ModelKind) -> V
             }
             _ => continue,
         };
-        let how = match kind {
-            ModelKind::Exported { .. } => format!("write them with --channel {option}"),
-            ModelKind::Baked { .. } => format!("bake an asset, and export them with --channel {option}"),
-        };
-        notes.push(format!("{output}: glTF has no place for the {name}; {how}"));
+        notes.push(match kind {
+            ModelKind::Exported { fans: true, .. } => {
+                format!("{output}: there is no sheet of the {name}; --channel {option} writes them in the layout of an atlas")
+            }
+            ModelKind::Exported { .. } => {
+                format!("{output}: glTF has no place for the {name}; write them with --channel {option}")
+            }
+            ModelKind::Baked { .. } => format!(
+                "{output}: glTF has no place for the {name}; bake an asset, and export them with --channel {option}"
+            ),
+        });
     }
     if let ModelKind::Exported { padding: Some(asked), .. } = kind
         && summary.charts > 0

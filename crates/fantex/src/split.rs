@@ -117,7 +117,21 @@ pub fn split(
         return Err(Error::invalid("a sector has at least one triangle"));
     }
     let index = folder.join(Split::index_name(asset.path()));
-    let mut output = Output::begin(folder, &index, options.force)?;
+    let output = Output::begin(folder, &index, options.force)?;
+    let unfinished = output.unfinished.as_ref().map(|unfinished| unfinished.path().to_owned());
+    write_world(asset, output, index, options, progress).map_err(|error| match unfinished {
+        Some(unfinished) => error.renamed(&unfinished, folder),
+        None => error,
+    })
+}
+
+fn write_world(
+    asset: &Arc<Asset>,
+    mut output: Output,
+    index: PathBuf,
+    options: &SplitOptions,
+    progress: &dyn Progress,
+) -> Result<Split> {
     let plan = Plan::of(asset, options.triangles)?;
     let mut world = World::default();
     let (mut done, mut in_sectors) = (0, 0);

@@ -322,3 +322,40 @@ fn models_say_what_they_lack() {
     // Who asks for a side does not ask for a density.
     assert_eq!(notes(ModelKind::Baked { side: Some(64) }), [cut_off]);
 }
+
+/// Only who has asked for the model's coordinates is told to leave them.
+#[cfg(feature = "export")]
+#[test]
+fn notes_on_shared_texels_depend_on_the_layout() {
+    let kind = ModelKind::Exported { fans: false, padding: None };
+    for (charts, names_the_option) in [(0, true), (3, false)] {
+        let summary = ExportSummary {
+            charts,
+            used_share: 0.5,
+            density_share: 1.0,
+            overlapping_share: 0.01,
+            ..ExportSummary::default()
+        };
+        let notes = model_notes(Path::new("a.glb"), &summary, kind);
+        assert!(notes.len() == 1 && notes[0].contains("1.0 % of the used texels"), "{notes:?}");
+        assert_eq!(notes[0].contains("--uv source"), names_the_option, "{notes:?}");
+    }
+}
+
+#[cfg(feature = "export")]
+#[test]
+fn channels_without_a_sheet_are_named() {
+    use fantex::store::ChannelKind;
+    let left_out = [ChannelKind::Displacement, ChannelKind::Anisotropy].to_vec();
+    let summary = ExportSummary {
+        charts: 3,
+        used_share: 0.5,
+        density_share: 1.0,
+        left_out,
+        ..ExportSummary::default()
+    };
+    let kind = ModelKind::Exported { fans: true, padding: None };
+    let notes = model_notes(Path::new("a.usda"), &summary, kind);
+    assert!(notes[0].contains("no sheet of the heights; --channel displacement"), "{notes:?}");
+    assert_eq!(notes[1..], ["a.usda: stretched highlights are left out"]);
+}

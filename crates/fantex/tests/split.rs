@@ -573,6 +573,30 @@ impl Progress for Stop {
     }
 }
 
+/// Removes what is in a folder while others write there.
+struct Remover<'a>(&'a Path);
+
+impl Progress for Remover<'_> {
+    fn report(&self, _done: u64, _total: u64) {
+        for entry in self.0.read_dir().unwrap() {
+            std::fs::remove_dir_all(entry.unwrap().path()).unwrap();
+        }
+    }
+}
+
+/// Files are written in a folder that nobody knows, and an error names the place where they would have been.
+#[test]
+fn a_sector_that_cannot_be_written_is_called_by_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = baked(folder.path(), bumpy_ball(), 10_000);
+    let target = folder.path().join("world");
+    let options = SplitOptions { triangles: 100, previews: None, ..SplitOptions::default() };
+    let error = split(whole.shared(), &target, &options, &Remover(&target)).unwrap_err();
+    let sector = target.join("sector-0001.fan");
+    assert!(error.to_string().contains(&sector.display().to_string()), "{error}");
+    assert!(!error.to_string().contains(".fantex-"), "{error}");
+}
+
 #[test]
 fn nothing_is_left_of_a_world_that_is_not_finished() {
     let folder = tempfile::tempdir().unwrap();

@@ -100,8 +100,8 @@ pub(crate) struct ExportArgs {
     /// Number of pictures around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
-    /// Seconds of a whole turn of an animated PNG [default: 4]
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, requires = "turntable", value_parser = crate::text::positive)]
+    /// Seconds of a whole turn of an animated PNG, at most 1000 [default: 4]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, requires = "turntable", value_parser = turntable::whole_turn)]
     seconds: Option<f64>,
     /// Samples per pixel of a turntable, 1 to 64
     #[arg(

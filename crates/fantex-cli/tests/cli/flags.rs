@@ -47,6 +47,7 @@ fn flags_without_an_effect_are_refused() {
         (["--max-size", "--web"], "export IN/a.fan -o IN/b --web --max-size 64"),
         (["--max-size", "--turntable"], "export IN/a.fan -o IN/b --turntable 2 --max-size 64"),
         (["--seconds", "animated"], "export IN/a.fan -o IN/b --turntable 2 --seconds 2"),
+        (["--seconds", "at most 1000"], "export IN/a.fan -o IN/b.png --turntable 2 --seconds 1e9"),
         (["--environment", "--turntable"], "export IN/a.fan -o IN/b --web --environment sky"),
         (["--background", "--turntable"], "export IN/a.fan -o IN/b.glb --background transparent"),
         (["--padding", "texture coordinates"], "export IN/a.fan -o IN/b.glb --uv source --padding 4"),

@@ -228,6 +228,35 @@ fn unlit_materials_shine_and_factors_of_opacity_count() {
     assert!(has(sign, "emission_color", "0.25, 0.5, 0.75") && !sign.contains("metal"), "{sign}");
 }
 
+#[test]
+fn channels_without_a_sheet_are_told() {
+    use ChannelKind::{Anisotropy, BaseColor, Displacement};
+    let waves = Waves { kinds: vec![BaseColor, Anisotropy, Displacement], ..Waves::color(2.0) };
+    let waves = baked(&cleaned(generate::torus(8, 6)), &waves, 5000, fantex_bake::BakeFormat::Rgba8);
+    let export = |name: &str| {
+        export_fans(&waves.asset, &waves.path(name), &FanFileOptions::default(), &NoProgress).unwrap()
+    };
+    for name in ["a.glb", "b.usda"] {
+        let summary = export(name);
+        assert_eq!(
+            (summary.maps, summary.left_out),
+            (vec![ChannelMap::BaseColor], vec![Anisotropy, Displacement])
+        );
+    }
+}
+
+#[test]
+fn materials_refer_to_their_light_map() {
+    let waves = Waves { kinds: vec![ChannelKind::BaseColor, ChannelKind::Light], ..Waves::color(2.0) };
+    let waves = baked(&cleaned(generate::torus(8, 6)), &waves, 5000, fantex_bake::BakeFormat::Float);
+    let path = waves.path("a.gltf");
+    export_fans(&waves.asset, &path, &FanFileOptions::default(), &NoProgress).unwrap();
+    let model: serde_json::Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let texture = model["materials"][0]["extras"]["fantexLightTexture"].as_u64().unwrap();
+    let image = model["textures"][texture as usize]["source"].as_u64().unwrap();
+    assert_eq!(model["images"][image as usize]["uri"], "a-fans-light.png");
+}
+
 /// All maps of sheets, with light that is brighter than 1.
 /// In tiles of at most so many columns and rows.
 fn bright(tile: u32) -> Baked {

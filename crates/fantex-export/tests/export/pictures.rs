@@ -310,6 +310,54 @@ fn triangles_that_point_into_a_palette_show_their_colour() {
     assert!(db > 22.0, "{db} dB");
 }
 
+/// The eighths of space in colours of their own.
+struct Octants;
+
+impl Source for Octants {
+    fn channels(&self) -> Vec<SourceChannel> {
+        Sides.channels()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        values[0] = (0.5 + 0.4 * point.position.signum()).extend(1.0);
+    }
+}
+
+/// Neighbours in one tile have different colours, of which each triangle's point or line in the coordinates shows its own.
+#[test]
+fn triangles_without_area_in_the_coordinates_show_their_own_colour() {
+    for height in [0.0, 0.5] {
+        let mut mesh = with_uv(cube(2), 1.0);
+        let corners = (0..mesh.triangles.len()).flat_map(|t| {
+            let middle = mesh.triangle_positions(t).iter().sum::<Vec3>();
+            let bits = (middle.cmpgt(Vec3::ZERO)).bitmask();
+            let at = |v: f32| Vec2::new((bits as f32 + 0.5) / 8.0, v);
+            [at(0.25), at(0.25 + height), at(0.25 + 0.3 * height)]
+        });
+        let corners = corners.collect();
+        mesh.corners.uv_sets = vec![corners];
+        let baked = baked(&mesh, &Octants, 1 << 14, BakeFormat::Rgba8);
+        let path = baked.path("x.png");
+        let options = ExportOptions { uv: UvChoice::OfAsset, side: Some(64), ..ExportOptions::default() };
+        let channels = [(ChannelMap::BaseColor, path.as_path())];
+        export_channels(&baked.asset, &channels, Depth::Eight, &options, &NoProgress).unwrap();
+        let image = Image::load_as(&path, ColorSpace::Srgb).unwrap();
+        for bits in 0..8 {
+            let expected =
+                Vec3::from_array([0, 1, 2].map(|axis| if bits >> axis & 1 == 1 { 0.9 } else { 0.1 }));
+            // Not at the ends of a line, which neighbours share.
+            for row in [16.0 + 24.0 * height, 16.0 + 32.0 * height] {
+                let seen = Vec4::from_array(image.linear_texel(8 * bits + 4, row as u32)).truncate();
+                assert!((seen - expected).abs().max_element() < 0.05, "{height}: {seen} {expected}");
+            }
+        }
+    }
+}
+
 #[test]
 fn another_models_coordinates_are_taken_where_its_triangles_are_the_same() {
     let bare = cleaned(cube(3));

@@ -19,7 +19,7 @@ use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
 use crate::scene::{Scene, aspect, known_extension};
 use crate::series::Series;
-use crate::text::{ShownPath, counted};
+use crate::text::{ShownPath, counted, within};
 
 #[derive(Debug, Serialize)]
 struct TurntableInfo {
@@ -29,6 +29,15 @@ struct TurntableInfo {
     width: u32,
     height: u32,
     seconds: f64,
+}
+
+/// Seconds that a picture of an animated PNG can last, as they are written here.
+const MAX_SECONDS: f64 = 1000.0;
+
+/// Seconds of a whole turn, for argument parsing.
+pub(super) fn whole_turn(text: &str) -> std::result::Result<f64, String> {
+    let is_inside = |seconds: f64| seconds > 0.0 && seconds <= MAX_SECONDS;
+    within(text, "expected a number of seconds above zero, at most 1000", is_inside)
 }
 
 /// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
