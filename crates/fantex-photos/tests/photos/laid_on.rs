@@ -45,7 +45,8 @@ fn waves() -> &'static Shoot {
             let wave = |pixel: u32| {
                 let at = Vec3::new((pixel % width) as f32, (pixel / width) as f32, i as f32);
                 let phases = Vec3::new(at.x * 0.05 + at.z, at.y * 0.04 + 2.0 * at.z, (at.x + at.y) * 0.03);
-                let value = phases.map(f32::sin) * 0.3 + 0.5;
+                // Greenish.
+                let value = Vec3::new(0.3, 0.5, 0.3) + 0.15 * phases.map(f32::sin);
                 value.extend(1.0).to_array()
             };
             let pixels: Vec<_> = (0..width * height).map(wave).collect();
