@@ -32,8 +32,11 @@ impl<'a> Observer<'a> {
     pub(super) fn covering<T>(&self, work: impl FnOnce(&(dyn Fn(f32) -> bool + Sync)) -> T) -> T {
         let begun = f32::from(self.covered().unwrap_or(0)) / 1000.0;
         work(&|share| {
-            self.cover(begun + (1.0 - begun) * share);
-            !self.progress.is_cancelled()
+            let goes_on = !self.progress.is_cancelled();
+            if goes_on {
+                self.cover(begun + (1.0 - begun) * share);
+            }
+            goes_on
         })
     }
 
