@@ -40,8 +40,8 @@ fn sections_of(arguments: &str) -> Option<Vec<String>> {
         "bake" if words[2..].iter().any(|word| word.ends_with(".glb") || word.ends_with(".gltf")) => {
             return None;
         }
-        "info" => vec![format!("`info` of a {}", kind_of(words[1]))],
-        "verify" if kind_of(words[1]) == "world" => vec!["`verify` of a world".to_owned()],
+        "info" => vec![format!("`info` of {}", kind_of(words[1]))],
+        "verify" if kind_of(words[1]) == "a world" => vec!["`verify` of a world".to_owned()],
         "world" => vec!["`world`".to_owned(), "`info` of a world".to_owned()],
         "generate" if writes(".fan") => titles(&["generate landscape", "bake"]),
         "generate" | "bench" => titles(&[&words[..2].join(" ")]),
@@ -55,10 +55,10 @@ fn sections_of(arguments: &str) -> Option<Vec<String>> {
 
 fn kind_of(file: &str) -> &str {
     match file.rsplit_once('.') {
-        Some((_, "fan")) => "asset",
-        Some((_, "fanworld")) => "world",
-        Some((_, "toml")) => "look",
-        _ => "model",
+        Some((_, "fan")) => "an asset",
+        Some((_, "fanworld")) => "a world",
+        Some((_, "toml")) => "a look",
+        _ => "a model",
     }
 }
 

@@ -162,7 +162,7 @@ fn images_on_a_model_without_texture_coordinates_are_told() {
     let image = "kind = \"image\"\nimage = \"grass.png\"\ncoordinates = ";
     for (texture, wanted) in [
         (format!("{image}\"uv\""), Some("has no texture coordinates, and")),
-        (format!("{image}{{ from = \"uv\", set = 31 }}"), Some("has no texture coordinates of set 31, and")),
+        (format!("{image}{{ from = \"uv\", set = 7 }}"), Some("has no texture coordinates of set 7, and")),
         ("kind = \"uv\"".to_owned(), Some("has no texture coordinates, and")),
         (format!("{image}\"box\""), None),
         (format!("{image}\"triplanar\""), None),

@@ -269,7 +269,7 @@ fn a_store_puts_an_asset_together_of_its_parts() {
     let Some(store) = serve(&bucket) else { return skip("no python3, in which the object store is written") };
     let (model, here) = (land(folder.path()), folder.path().join("here.fan"));
     let plan = "s3://scans/farm/land.plan";
-    let options = ["--source", "solid=landscape", "--texels", "4M", "--format", "float"];
+    let options = ["--source", "solid=landscape", "--texels", "8M", "--format", "float"];
     store.json(&[&["plan", model.to_str().unwrap(), "-o", plan][..], &options].concat());
     let parts = ["s3://scans/farm/1 of 2.part", "s3://scans/farm/2 of 2.part"];
     for (shard, part) in ["1/2", "2/2"].into_iter().zip(parts) {
