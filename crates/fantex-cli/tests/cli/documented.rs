@@ -7,8 +7,9 @@ use serde_json::Value;
 use crate::workspace;
 
 /// Compares the keys that a command printed with those of its section of the page.
-pub(crate) fn check_keys(arguments: &str, printed: &Value) {
-    let Some(sections) = sections_of(arguments) else { return };
+pub(crate) fn check_keys(words: &[&str], printed: &Value) {
+    let Some(sections) = sections_of(words) else { return };
+    let arguments = words.join(" ");
     let printed: BTreeSet<&str> = printed.as_object().unwrap().keys().map(String::as_str).collect();
     let mut documented = BTreeMap::new();
     sections.iter().for_each(|section| documented.append(&mut keys_of(section)));
@@ -28,8 +29,7 @@ pub(crate) fn check_keys(arguments: &str, printed: &Value) {
 }
 
 /// The headings under which a command's keys stand; none for what has no table.
-fn sections_of(arguments: &str) -> Option<Vec<String>> {
-    let words: Vec<&str> = arguments.split(' ').collect();
+fn sections_of(words: &[&str]) -> Option<Vec<String>> {
     let has = |flag: &str| words.contains(&flag);
     let writes = |extension: &str| words.iter().any(|word| word.ends_with(extension));
     let titles = |titles: &[&str]| titles.iter().map(|title| format!("`{title}`")).collect();

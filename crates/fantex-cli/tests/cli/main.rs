@@ -68,7 +68,8 @@ fn succeeds(arguments: &[&dyn AsRef<OsStr>]) -> Output {
 fn json(arguments: &[&dyn AsRef<OsStr>]) -> Value {
     let output = succeeds(&[&[&"--json" as &dyn AsRef<OsStr>][..], arguments].concat());
     let printed = serde_json::from_slice(&output.stdout).expect("one JSON object on standard output");
-    documented::check_keys(&shown(arguments)["fantex ".len()..], &printed);
+    let words: Vec<_> = arguments.iter().map(|argument| argument.as_ref().to_string_lossy()).collect();
+    documented::check_keys(&words.iter().map(|word| &**word).collect::<Vec<_>>(), &printed);
     printed
 }
 

@@ -135,7 +135,8 @@ impl Bench {
         std::fs::create_dir(&out).unwrap();
         let output = self.run(&Case { arguments: &format!("{} --json", case.arguments), ..*case }, "");
         assert!(output.status.success(), "{}: {}", case.arguments, stderr(&output));
-        check_keys(case.arguments, &serde_json::from_slice(&output.stdout).unwrap());
+        let words: Vec<&str> = case.arguments.split(' ').collect();
+        check_keys(&words, &serde_json::from_slice(&output.stdout).unwrap());
         let names: Vec<PathBuf> = contents(&out).into_keys().collect();
         assert!(!names.is_empty(), "{}", case.arguments);
         // Other files of the same names, and nothing else.
