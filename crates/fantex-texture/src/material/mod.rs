@@ -27,7 +27,7 @@ use crate::{AlphaUse, ColorSpace, Image, ImageTexture, Wrap};
 
 pub use filtering::*;
 pub use packed::read_image;
-pub use reading::{LeftOut, read_used_images};
+pub use reading::{LeftOut, UsedImages, read_used_images};
 
 use reading::used_images;
 

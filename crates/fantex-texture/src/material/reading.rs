@@ -70,6 +70,9 @@ fn unreadable(channel: &str, label: &str, cause: Error) -> Error {
     error.with_source(cause)
 }
 
+/// Images with the ways in which they are used; none where one is left out.
+pub type UsedImages<T> = Vec<(ImageUse, Option<T>)>;
+
 /// Reads the images of all textures of a mesh's materials that are `usable`, each once per way of use, in parallel. Those that are missing
 /// or broken are none, and [left out](LeftOut); of images packed of several, only the channels of those. The material and the channel in
 /// a message are the first ones that use the image so; kind and path are those of what failed.
@@ -80,7 +83,7 @@ pub fn read_used_images<T: Send>(
     mesh: &Mesh,
     usable: impl Fn(&TextureRef) -> bool,
     read: impl Fn(&ImageSource, ImageUse) -> Result<T> + Sync,
-) -> Result<(Vec<(ImageUse, Option<T>)>, LeftOut)> {
+) -> Result<(UsedImages<T>, LeftOut)> {
     let limits = ReadLimits::current();
     let loaded: Vec<_> = used_images(mesh, usable)
         .into_par_iter()
