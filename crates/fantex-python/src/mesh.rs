@@ -22,7 +22,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, rows, triangles};
 use crate::asset::Asset;
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::watched;
+use crate::watch::{in_python, watched};
 
 /// A mesh, loaded and cleaned.
 #[pyclass(frozen, module = "fantex")]
@@ -182,7 +182,7 @@ impl Mesh {
 
     #[getter]
     fn notes(&self) -> Vec<String> {
-        self.0.notes().to_vec()
+        self.0.notes().iter().map(|note| in_python(note, None)).collect()
     }
 
     #[getter]
