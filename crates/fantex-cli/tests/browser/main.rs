@@ -18,6 +18,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use driver::Browser;
+use fantex::World;
+use fantex::glam::DVec3;
+use fantex::render::Camera;
 use fantex::texture::Image;
 use fantex::texture::compare::psnr_db;
 use fantex_test::{skip, workspace};
@@ -175,6 +178,18 @@ fn a_preview_is_shown_first() {
     assert!(decibels > 40.0, "{decibels} dB");
 }
 
+/// The viewer's camera of a world, which shows the boxes of its assets: where it stands, what it looks at, and its angle.
+fn camera_of_boxes(world: &World) -> [String; 3] {
+    let corners = world.objects.iter().flat_map(|object| {
+        let sides = [object.low, object.high];
+        (0..8).map(move |bits| DVec3::from_array(std::array::from_fn(|axis| sides[bits >> axis & 1][axis])))
+    });
+    let camera =
+        Camera::framing_points(corners, Camera::THREE_QUARTER, f64::from(SIZE[0]) / f64::from(SIZE[1]));
+    let text = |place: DVec3| format!("{},{},{}", place.x, place.y, place.z);
+    [text(camera.eye), text(camera.target), camera.fov_degrees.to_string()]
+}
+
 #[test]
 fn a_world_comes_as_it_is_seen() {
     let Some(browser) = browser() else { return };
@@ -196,7 +211,12 @@ fn a_world_comes_as_it_is_seen() {
         let shown = browser.picture_after("Home", folder.path());
         let expected = place("expected.png");
         let size = format!("{}x{}", SIZE[0], SIZE[1]);
-        fantex(&["render", text(&index), "-o", text(&expected), "--size", &size, "--force"]);
+        let [eye, target, fov] = camera_of_boxes(&World::open(&index).unwrap());
+        let seen = ["--eye", &eye, "--target", &target, "--fov", &fov];
+        fantex(
+            &[&["render", text(&index), "-o", text(&expected), "--size", &size, "--force"][..], &seen]
+                .concat(),
+        );
         let decibels = psnr_db(&Image::load(&expected).unwrap(), &shown).unwrap();
         println!("{triangles}: {decibels:.1} dB");
         assert!(decibels > 38.0, "{decibels} dB");
