@@ -180,12 +180,6 @@ pub(crate) struct ReadArgs {
     pub(crate) weld: Option<f64>,
 }
 
-impl ReadArgs {
-    fn clean_options(self) -> CleanOptions {
-        CleanOptions { weld_distance: self.weld.unwrap_or(0.0), ..CleanOptions::default() }
-    }
-}
-
 #[derive(Debug)]
 pub(crate) enum Input {
     Model(Box<fantex::Mesh>),
@@ -200,7 +194,9 @@ impl Input {
             FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
             FileKind::World => Self::World(World::open(path)?),
             FileKind::Asset => Self::Asset(Arc::clone(fantex::Asset::open(path)?.shared())),
-            FileKind::Model => Self::Model(Box::new(fantex::Mesh::load_with(path, &read.clean_options())?)),
+            FileKind::Model => {
+                Self::Model(Box::new(fantex::Mesh::load_with(path, &CleanOptions::welding(read.weld))?))
+            }
         })
     }
 }
@@ -223,7 +219,7 @@ pub(crate) fn open_shape(path: &Path, read: ReadArgs) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Look => Err(FileKind::look_instead(path)),
         FileKind::Asset | FileKind::Model | FileKind::World => {
-            fantex::Mesh::open_with(path, &read.clean_options())
+            fantex::Mesh::open_with(path, &CleanOptions::welding(read.weld))
         }
     }
 }

@@ -41,7 +41,8 @@ impl Mesh {
     #[staticmethod]
     #[pyo3(signature = (path, weld=None))]
     fn load(py: Python<'_>, path: PathBuf, weld: Option<f64>) -> PyResult<Self> {
-        watched(py, None, |_| fantex::Mesh::open_with(&path, &welding(weld))).map(|mesh| Self(Arc::new(mesh)))
+        watched(py, None, |_| fantex::Mesh::open_with(&path, &CleanOptions::welding(weld)))
+            .map(|mesh| Self(Arc::new(mesh)))
     }
 
     /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.
@@ -93,7 +94,7 @@ impl Mesh {
         let mesh = watched(py, None, |_| {
             // Given by hand, it is not left out.
             model.images.iter().try_for_each(|image| read_image(image, ColorSpace::Srgb).map(drop))?;
-            fantex::Mesh::from_model_with(model, "the mesh", &welding(weld))
+            fantex::Mesh::from_model_with(model, "the mesh", &CleanOptions::welding(weld))
         })?;
         Ok(Self(Arc::new(mesh)))
     }
@@ -224,11 +225,6 @@ pub(crate) fn world_positions<'py>(
     array(py, &world)
 }
 
-/// How meshes are cleaned whose vertices are joined up to a distance.
-fn welding(distance: Option<f64>) -> CleanOptions {
-    CleanOptions { weld_distance: distance.unwrap_or(0.0), ..CleanOptions::default() }
-}
-
 type Unwrapping<'py> =
     (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>, usize, u32);
 
@@ -248,7 +244,7 @@ pub(crate) fn parametrize<'py>(
         rows::<3, f64>(&positions, "positions")?.into_iter().map(DVec3::from).collect();
     let faces = triangles(&faces, positions.len())?;
     let options = UnwrapOptions { side, padding };
-    let clean = welding(weld);
+    let clean = CleanOptions::welding(weld);
     let (mesh, unwrapped) = watched(py, progress.as_ref(), |watch| {
         unwrap_triangles(&positions, &faces, &clean, &options, watch)
     })?;

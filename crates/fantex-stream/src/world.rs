@@ -7,7 +7,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Result, files, input, json_problem, uri_escaped};
+use fantex_base::{Aabb, Error, Result, files, input, json_problem, uri_escaped};
 #[cfg(not(target_arch = "wasm32"))]
 use fantex_base::{ReadLimits, ReadOptions};
 use fantex_mesh::{Mesh, TriangleBvh, WorldFromMesh};
@@ -323,6 +323,11 @@ impl World {
 }
 
 impl WorldObject {
+    /// The corners of its bounding box, world units.
+    pub fn corners(&self) -> [DVec3; 8] {
+        Aabb { min: DVec3::from(self.low), max: DVec3::from(self.high) }.corners()
+    }
+
     /// What an index says of an open asset. `name` is the asset's file relative to the index, or its address.
     ///
     /// # Errors

@@ -47,14 +47,6 @@ struct Vertices<'a> {
 }
 
 impl Vertices<'_> {
-    fn corners(&self, object: usize) -> impl Iterator<Item = DVec3> {
-        let [low, high] = [self.world.objects[object].low, self.world.objects[object].high];
-        (0..8).map(move |bits| {
-            let side = |axis: usize| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            DVec3::from_array(std::array::from_fn(side))
-        })
-    }
-
     /// The vertices of an object, which is closed until then; of one that cannot be opened its corners.
     fn open(&mut self, object: usize) -> &(WorldFromMesh, Vec<Vec3>) {
         self.closed.retain(|&other| other != object);
@@ -69,7 +61,7 @@ impl Vertices<'_> {
             Err(error) => {
                 self.error.get_or_insert(error);
                 let space = WorldFromMesh::default();
-                (space, self.corners(object).map(|corner| space.inverse_point(corner)).collect())
+                (space, of_object.corners().map(|corner| space.inverse_point(corner)).to_vec())
             }
         };
         self.opened.push(vertices);
@@ -85,7 +77,8 @@ impl Framed for Vertices<'_> {
     /// Opens what may hold a larger value than all that is open.
     fn maxima<const N: usize>(&mut self, functions: impl Fn(DVec3) -> [f64; N]) -> [f64; N] {
         let mut maxima = maxima_of(self.opened.iter().flat_map(points), &functions);
-        let bounds = |&object: &usize| (object, maxima_of(self.corners(object), &functions));
+        let objects = &self.world.objects;
+        let bounds = |&object: &usize| (object, maxima_of(objects[object].corners().into_iter(), &functions));
         let mut bounds: Vec<(usize, [f64; N])> = self.closed.iter().map(bounds).collect();
         for i in 0..N {
             bounds.sort_by(|(_, a), (_, b)| a[i].total_cmp(&b[i]));

@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 use driver::Browser;
-use fantex::World;
 use fantex::glam::DVec3;
 use fantex::render::Camera;
 use fantex::texture::Image;
 use fantex::texture::compare::psnr_db;
+use fantex::{World, WorldObject};
 use fantex_test::{skip, workspace};
 
 const SIZE: [u32; 2] = [640, 480];
@@ -180,10 +180,7 @@ fn a_preview_is_shown_first() {
 
 /// The viewer's camera of a world, which shows the boxes of its assets: where it stands, what it looks at, and its angle.
 fn camera_of_boxes(world: &World) -> [String; 3] {
-    let corners = world.objects.iter().flat_map(|object| {
-        let sides = [object.low, object.high];
-        (0..8).map(move |bits| DVec3::from_array(std::array::from_fn(|axis| sides[bits >> axis & 1][axis])))
-    });
+    let corners = world.objects.iter().flat_map(WorldObject::corners);
     let camera =
         Camera::framing_points(corners, Camera::THREE_QUARTER, f64::from(SIZE[0]) / f64::from(SIZE[1]));
     let text = |place: DVec3| format!("{},{},{}", place.x, place.y, place.z);

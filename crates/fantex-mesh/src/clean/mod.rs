@@ -43,6 +43,13 @@ pub struct CleanOptions {
     pub world_from_mesh: Option<WorldFromMesh>,
 }
 
+impl CleanOptions {
+    /// Welds vertices up to a distance, in world units, where one is given.
+    pub fn welding(distance: Option<f64>) -> Self {
+        Self { weld_distance: distance.unwrap_or(0.0), ..Self::default() }
+    }
+}
+
 /// Cleans a model: see the module's description for the steps and [`Mesh`] for what holds afterwards.
 ///
 /// # Errors
