@@ -368,6 +368,8 @@ pub enum Act {
     /// A step that is done at once.
     Do(Step),
     /// Nothing, but the next frame is wanted.
+    NextFrame,
+    /// Nothing: what is waited for is done elsewhere, and takes its time.
     Wait,
     /// End with exit code 0.
     End,
@@ -389,6 +391,8 @@ struct Wait {
     /// A file that must be there, too.
     file: Option<PathBuf>,
     frame: u64,
+    /// No frame need be drawn for it.
+    is_patient: bool,
     since: f64,
     seconds: f64,
     /// What is said where it takes longer.
@@ -414,7 +418,8 @@ impl SessionRunner {
                 return Err(at_step(self.number, format!("after {seconds} s {problem}")));
             }
             if !is_over {
-                return Ok(Act::Wait);
+                let is_patient = wait.is_patient && now.frame >= wait.frame && !now.is_acting;
+                return Ok(if is_patient { Act::Wait } else { Act::NextFrame });
             }
             self.wait = None;
         }
@@ -424,12 +429,14 @@ impl SessionRunner {
             is_over: |_| true,
             file: None,
             frame: now.frame + u64::from(count),
+            is_patient: false,
             since: now.seconds,
             seconds: f64::INFINITY,
             problem: "",
         };
         let until = |is_over: fn(&Situation) -> bool, seconds, problem| Wait {
             is_over,
+            is_patient: true,
             seconds,
             problem,
             ..frames(0)
@@ -448,8 +455,10 @@ impl SessionRunner {
                     false,
                 )
             }
+            // It may be over soon.
             Step::WaitWorking(seconds) => {
-                (until(|now| now.is_working, *seconds, "nothing that takes long was under way"), false)
+                let work = until(|now| now.is_working, *seconds, "nothing that takes long was under way");
+                (Wait { is_patient: false, ..work }, false)
             }
             Step::WaitExported(seconds) => {
                 (until(|now| !now.is_exporting, *seconds, "it was still being exported"), false)
@@ -480,7 +489,7 @@ impl SessionRunner {
                     let reason = format!("no message says '{text}'; there are: {found}");
                     return Err(at_step(self.number, reason));
                 }
-                return Ok(Act::Wait);
+                return Ok(Act::NextFrame);
             }
             #[cfg(feature = "test-steps")]
             Step::ExpectPainting { layers, steps } => {
@@ -490,13 +499,18 @@ impl SessionRunner {
                         format!("there are {found_layers} layers and {found_steps} steps of the history");
                     return Err(at_step(self.number, reason));
                 }
-                return Ok(Act::Wait);
+                return Ok(Act::NextFrame);
             }
+            // A picture of the window comes with a frame.
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
-                (until(|now| now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written"), true)
+                let is_written = |now: &Situation| now.pictures_due == 0;
+                let written = until(is_written, PICTURE_SECONDS, "the picture was not written");
+                (Wait { is_patient: false, ..written }, true)
             }
             Step::Hold { frames: count, .. } => (frames(*count), true),
-            Step::Play(_) => (until(|now| !now.is_playing, f64::INFINITY, ""), true),
+            Step::Play(_) => {
+                (Wait { is_patient: false, ..until(|now| !now.is_playing, f64::INFINITY, "") }, true)
+            }
             Step::Stroke { .. } => {
                 let is_drawn = |now: &Situation| !now.is_acting;
                 (Wait { frame: now.frame + 2, ..until(is_drawn, f64::INFINITY, "") }, true)
@@ -505,6 +519,6 @@ impl SessionRunner {
             _ => (frames(2), true),
         };
         self.wait = Some(wait);
-        Ok(if is_done { Act::Do(step) } else { Act::Wait })
+        Ok(if is_done { Act::Do(step) } else { Act::NextFrame })
     }
 }
