@@ -6,7 +6,7 @@ use fantex_base::{grouped, percent};
 use fantex_export::ExportSummary;
 use fantex_store::ChannelKind;
 
-use crate::notes::counted;
+use super::counted;
 
 /// Where fewer of the texels of an own packing lie on the surface, its pieces are narrow.
 const NARROW_SHARE: f64 = 0.05;

@@ -33,8 +33,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use tempfile::TempPath;
 
-use crate::coarse::{FinerSurface, Place, place};
-use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node, RUN};
+use super::coarse::tree::{self, CoarseMaker, CoarseSize, Node, RUN};
+use super::coarse::{FinerSurface, Place, place};
 use crate::preview::{coarse_mesh, is_worth_it};
 use crate::{Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
@@ -315,7 +315,7 @@ fn add_coarse(
     };
     let nodes = world.objects.iter().enumerate().map(node).collect();
     let mut maker = SectorMaker { plan, output, previews, is_shared: Vec::new(), made: 0 };
-    coarse_tree::add_coarse(world, nodes, &mut maker, (memory_bytes, false), progress)
+    tree::add_coarse(world, nodes, &mut maker, (memory_bytes, false), progress)
 }
 
 /// Makes coarse assets of sectors.

@@ -7,7 +7,7 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_store::Asset;
 
-use crate::coarse::{FinerSurface, joined};
+use super::{FinerSurface, joined};
 use crate::preview::{coarse_mesh, is_worth_it};
 use crate::{PreviewOptions, World, WorldCoarse};
 

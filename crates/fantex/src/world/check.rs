@@ -15,7 +15,7 @@ use fantex_stream::open_asset;
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::coarse::joined;
+use super::coarse::joined;
 use crate::{World, WorldCoarse, WorldObject, WorldPreview, not_verified};
 
 /// What verification of a world found.

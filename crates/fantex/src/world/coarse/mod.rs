@@ -4,6 +4,10 @@
 //!  previews of a run of sectors --join--> one surface --fewer triangles, outline as it is--> coarse mesh --bake from the surface--> coarse asset
 //! ```
 
+#[cfg(feature = "http")]
+pub(crate) mod objects;
+pub(crate) mod tree;
+
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -14,9 +18,9 @@ use fantex_mesh::{Material, Mesh, SurfacePoint, WorldFromMesh, shading_normals};
 use fantex_store::{Asset, ChannelKind, Damage};
 use glam::{Vec3, Vec4};
 
+use super::joined::{FirstTriangles, JoinedMesh};
 use crate::PreviewOptions;
-use crate::asset_materials::{AssetChannels, asset_source};
-use crate::joined::{FirstTriangles, JoinedMesh};
+use crate::baker::materials::{AssetChannels, asset_source};
 use crate::preview::write_coarse;
 
 /// A position in a mesh space, to the last bit; both zeros are the same.

@@ -1,5 +1,8 @@
 //! From a mesh and a source of colour to an asset.
 
+pub(crate) mod materials;
+#[cfg(feature = "http")]
+mod merge;
 #[cfg(feature = "export")]
 mod model;
 mod more_channels;
@@ -7,6 +10,7 @@ mod observer;
 mod parts;
 #[cfg(feature = "photos")]
 mod photos;
+mod refined;
 mod source;
 
 use std::borrow::Cow;
@@ -28,16 +32,19 @@ use glam::Vec4;
 
 #[cfg(feature = "export")]
 use fantex_export::ExportOptions;
+#[cfg(feature = "http")]
+pub use merge::{Merge, Merged};
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
+pub use refined::{LongestEdge, budget_texels};
 pub use source::Source;
 
+use self::materials::{AssetChannels, of_transfer, without_textures};
 use self::more_channels::WithChannels;
 use self::observer::Observer;
 use self::source::Kind;
-use crate::asset_materials::{AssetChannels, of_transfer, without_textures};
 use crate::look_scene::{LookBake, MaterialResolver};
-use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
+use crate::{Asset, FileKind, Mesh};
 
 /// How many texels, before the mesh and the source are known.
 #[derive(Clone, Copy, Debug, PartialEq)]

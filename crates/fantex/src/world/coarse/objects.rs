@@ -16,12 +16,12 @@ use fantex_store::Asset;
 use fantex_stream::{ObjectTarget, Replace, url_of};
 use glam::{DVec3, Vec3};
 
+use super::FinerSurface;
+use super::tree::{self, CoarseMaker, CoarseSize, Node};
+use crate::addresses::staging::Staging;
 use crate::addresses::{is_object, watched};
-use crate::coarse::FinerSurface;
-use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node};
 use crate::preview::{CancelOnly, DEFAULT_TEXELS, border_vertices};
-use crate::split::{assets_of_others, left_behind, name_of_generation, numbered_name};
-use crate::staging::Staging;
+use crate::world::split::{assets_of_others, left_behind, name_of_generation, numbered_name};
 use crate::{PreviewOptions, World};
 
 /// Distance at which two vertices are one, in the space of the world: that of roundings to single precision, twice for either.
@@ -71,7 +71,7 @@ pub(crate) fn make_coarse(
     let mut maker =
         ObjectMaker { index, meetings, is_kept: Vec::new(), options, files: &mut files, progress };
     let memory = (options.memory_bytes, options.strict);
-    let left_out = coarse_tree::add_coarse(world, nodes, &mut maker, memory, progress)?;
+    let left_out = tree::add_coarse(world, nodes, &mut maker, memory, progress)?;
     if left_out > 0 {
         notes.push(format!(
             "{} left out, as what is there can hardly be simplified: views from afar take more memory",
