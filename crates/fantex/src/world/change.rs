@@ -10,7 +10,7 @@ use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
 use super::coarse::objects::{MadeCoarse, make_coarse};
-use super::split::lock_index;
+use super::split::output::lock_index;
 use crate::addresses::{Target, is_object, watched};
 use crate::preview::CancelOnly;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};

@@ -19,7 +19,8 @@ use fantex_base::{Error, ErrorKind, Result, files, input};
 use fantex_store::Asset;
 use fantex_stream::{ObjectTarget, Replace};
 
-use super::split::{generation_of, left_behind};
+use super::split::names::generation_of;
+use super::split::output::left_behind;
 use crate::addresses::staging::{SendTarget, Staging};
 use crate::addresses::watched;
 use crate::{Split, SplitOptions, World, split};

@@ -19,9 +19,9 @@ use fantex_store::{Asset, ChannelKind, Damage};
 use glam::{Vec3, Vec4};
 
 use super::joined::{FirstTriangles, JoinedMesh};
-use crate::PreviewOptions;
 use crate::baker::materials::{AssetChannels, asset_source};
 use crate::preview::write_coarse;
+use crate::{PreviewOptions, WorldCoarse};
 
 /// A position in a mesh space, to the last bit; both zeros are the same.
 pub(crate) type Place = [u32; 3];
@@ -74,6 +74,35 @@ fn add_materials(all: &mut Vec<Material>, own: &[Material], is_first: bool) -> V
         }) as u32
     };
     own.iter().map(&mut number).collect()
+}
+
+/// What an index says of a coarse asset that stands for these meshes, whose finest detail is so long, world units. Who makes one and who verifies it
+/// measure alike.
+pub(crate) fn measured(
+    name: &str,
+    asset: &Asset,
+    parts: Vec<String>,
+    finer: &[Arc<Mesh>],
+    finer_detail: f64,
+) -> WorldCoarse {
+    let space = finer.first().map_or(asset.mesh().world_from_mesh, |mesh| mesh.world_from_mesh);
+    let finer = joined(finer.iter().map(|mesh| &**mesh), space, |p| p).mesh;
+    WorldCoarse::of(name, asset, parts, &finer, finer_detail)
+}
+
+/// The objects that a coarse asset stands for, ascending, of so many. `parts`: those of [`World::parts`](crate::World::parts).
+pub(crate) fn objects_below(parts: &[Vec<usize>], objects: usize, coarse: usize) -> Vec<usize> {
+    let (mut found, mut open) = (Vec::new(), vec![coarse]);
+    while let Some(coarse) = open.pop() {
+        for &part in &parts[coarse] {
+            match part.checked_sub(objects) {
+                None => found.push(part),
+                Some(coarse) => open.push(coarse),
+            }
+        }
+    }
+    found.sort_unstable();
+    found
 }
 
 fn weld(mesh: &mut Mesh) {
