@@ -1,11 +1,11 @@
 //! From a mesh and a source of colour to an asset.
 
+pub(crate) mod channels;
 pub(crate) mod materials;
 #[cfg(feature = "http")]
 mod merge;
 #[cfg(feature = "export")]
 mod model;
-mod more_channels;
 mod observer;
 mod parts;
 #[cfg(feature = "photos")]
@@ -39,8 +39,8 @@ pub use photos::PhotoSet;
 pub use refined::{LongestEdge, budget_texels};
 pub use source::Source;
 
-use self::materials::{AssetChannels, of_transfer, without_textures};
-use self::more_channels::WithChannels;
+use self::channels::{AssetChannels, FilledChannels};
+use self::materials::{of_transfer, without_textures};
 use self::observer::Observer;
 use self::source::Kind;
 use crate::look_scene::{LookBake, MaterialResolver};
@@ -465,7 +465,7 @@ impl<'a> Baker<'a> {
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
-        let with_channels = WithChannels::of(source, mesh, &self.channels);
+        let with_channels = FilledChannels::of(source, mesh, &self.channels);
         let source = with_channels.as_ref().map_or(source, |with| with as &dyn BakeSource);
         if let (Budget::Matching, None) = (self.budget, &own_density) {
             return Err(Error::invalid(

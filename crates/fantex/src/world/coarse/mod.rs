@@ -19,7 +19,7 @@ use fantex_store::{Asset, ChannelKind, Damage};
 use glam::{Vec3, Vec4};
 
 use super::joined::{FirstTriangles, JoinedMesh};
-use crate::baker::materials::{AssetChannels, asset_source};
+use crate::baker::channels::{AssetChannels, asset_source};
 use crate::preview::write_coarse;
 use crate::{PreviewOptions, WorldCoarse};
 
@@ -147,7 +147,7 @@ impl FinerSurface {
         let share = memory_bytes / assets.len() as u64;
         let sources: Vec<AssetSource> = assets.iter().map(|asset| asset_source(asset, share)).collect();
         let channels = common_channels(&sources);
-        let part = |(source, asset)| AssetChannels::new(source, asset, channels.clone());
+        let part = |(source, asset)| AssetChannels::of_asset(source, asset, channels.clone());
         let parts = sources.into_iter().zip(assets).map(part).collect();
         Self { mesh, firsts, triangles, parts, channels }
     }
