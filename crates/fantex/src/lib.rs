@@ -35,6 +35,21 @@
 //! # }
 //! ```
 //!
+//! # Types by task
+//!
+//! | task | types |
+//! |---|---|
+//! | load a model, or take one from memory | [`Mesh`] |
+//! | bake it | [`Baker`], [`Source`], [`Baked`] |
+//! | open an asset, look texels up | [`Asset`], [`Sampler`], [`SurfacePoint`], [`Footprint`] |
+//! | show something before all texels are there | [`Preview`] |
+//! | split a large asset, show many together | [`split()`], [`World`], [`WorldScene`], [`frame_world`], [`verify_world`] |
+//! | draw pictures of a look, compare pictures | [`look_scene`], [`Surroundings`], [`ModelPicture`], [`ViewComparison`] |
+//! | be told of progress, end what takes long | [`Progress`], [`NoProgress`] |
+//! | tell errors apart | [`Error`], [`ErrorKind`] |
+//!
+//! Of these, functions named `open` take paths and addresses, those named `load` files alone.
+//!
 //! # Features
 //!
 //! None is on by default; without features there is no window, GPU or network code.

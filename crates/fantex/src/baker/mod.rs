@@ -64,8 +64,24 @@ enum Budget {
 /// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
 ///
 /// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
-/// density (small ones get up to 16 texels for each of theirs, 262 144 in all), and everything else gets [`Baker::default_texels`]. A model that repeats its textures gets at most 16 million, or twice the
-/// texels of its images, and a note.
+/// density (small ones get up to 16 texels for each of theirs, 262 144 in all), and everything else gets [`Baker::default_texels`]. A model
+/// that repeats its textures gets at most 16 million, or twice the texels of its images, and a note.
+///
+/// ```
+/// use fantex::bake::TexelPoint;
+/// use fantex::glam::Vec4;
+/// use fantex::{Baker, Mesh, Source};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("stripes.fan");
+/// let mesh = Mesh::from_triangles(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+/// let stripes = |point: &TexelPoint| Vec4::splat((20.0 * point.position.x).sin().abs());
+/// let baked = Baker::new(&mesh).source(Source::function(stripes)).texels(10_000).write(&path)?;
+/// println!("{} texels in {} tiles", baked.summary.texels, baked.cover.groups);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 #[must_use = "nothing is baked before `write`"]
 pub struct Baker<'a> {
