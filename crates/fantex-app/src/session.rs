@@ -391,7 +391,7 @@ struct Wait {
     /// A file that must be there, too.
     file: Option<PathBuf>,
     frame: u64,
-    /// No frame need be drawn for it.
+    /// From that frame on none need be drawn for it.
     is_patient: bool,
     since: f64,
     seconds: f64,
@@ -410,22 +410,45 @@ impl SessionRunner {
     /// # Errors
     /// A step failed or took too long.
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
-        if let Some(wait) = self.wait.clone() {
-            let is_there = wait.file.as_ref().is_none_or(|file| file.exists());
-            let is_over = now.frame >= wait.frame && is_there && (wait.is_over)(now);
-            if !is_over && now.seconds - wait.since > wait.seconds {
-                let Wait { seconds, problem, .. } = wait;
-                return Err(at_step(self.number, format!("after {seconds} s {problem}")));
-            }
-            if !is_over {
-                let is_patient = wait.is_patient && now.frame >= wait.frame && !now.is_acting;
-                return Ok(if is_patient { Act::Wait } else { Act::NextFrame });
+        if let Some(wait) = &self.wait {
+            if !wait.is_met(now) {
+                if now.seconds - wait.since > wait.seconds {
+                    return Err(at_step(self.number, format!("after {} s {}", wait.seconds, wait.problem)));
+                }
+                let needs_frames = !wait.is_patient || now.frame < wait.frame || now.is_acting;
+                return Ok(if needs_frames { Act::NextFrame } else { Act::Wait });
             }
             self.wait = None;
         }
         let Some(step) = self.steps.next() else { return Ok(Act::End) };
         self.number += 1;
-        let frames = |count: u32| Wait {
+        match &step {
+            Step::Quit => return Ok(Act::End),
+            #[cfg(feature = "test-steps")]
+            Step::ExpectMessage(_) | Step::ExpectPainting { .. } => {
+                return match contradiction(&step, now) {
+                    Some(reason) => Err(at_step(self.number, reason)),
+                    None => Ok(Act::NextFrame),
+                };
+            }
+            _ => {}
+        }
+        let wait = Wait::of(&step, now);
+        let act = if wait.is_some() { Act::NextFrame } else { Act::Do(step.clone()) };
+        self.wait = wait.or_else(|| Some(Wait::after(&step, now)));
+        Ok(act)
+    }
+}
+
+impl Wait {
+    fn is_met(&self, now: &Situation) -> bool {
+        let is_there = self.file.as_ref().is_none_or(|file| file.exists());
+        now.frame >= self.frame && is_there && (self.is_over)(now)
+    }
+
+    /// So many frames.
+    fn frames(count: u32, now: &Situation) -> Self {
+        Self {
             is_over: |_| true,
             file: None,
             frame: now.frame + u64::from(count),
@@ -433,92 +456,90 @@ impl SessionRunner {
             since: now.seconds,
             seconds: f64::INFINITY,
             problem: "",
-        };
-        let until = |is_over: fn(&Situation) -> bool, seconds, problem| Wait {
-            is_over,
-            is_patient: true,
-            seconds,
-            problem,
-            ..frames(0)
-        };
-        let (wait, is_done) = match &step {
-            Step::Quit => return Ok(Act::End),
-            Step::WaitFrames(count) => (frames(*count), false),
+        }
+    }
+
+    /// At least so many frames.
+    fn until(
+        is_over: fn(&Situation) -> bool,
+        frames: u32,
+        (seconds, problem): (f64, &'static str),
+        now: &Situation,
+    ) -> Self {
+        Self { is_over, seconds, problem, ..Self::frames(frames, now) }
+    }
+
+    /// What a step is for that only waits; none of others.
+    fn of(step: &Step, now: &Situation) -> Option<Self> {
+        let wait = match step {
+            Step::WaitFrames(count) => Self::frames(*count, now),
             Step::WaitLoaded(seconds) => {
-                (until(|now| !now.is_opening, *seconds, "the file was still being opened"), false)
+                Self::until(|now| !now.is_opening, 0, (*seconds, "the file was still being opened"), now)
             }
             // Before the third frame the picture cannot be the wanted one.
             Step::WaitSharp(seconds) => {
                 let is_sharp = |now: &Situation| !now.is_opening && now.is_sharp;
-                (
-                    Wait { frame: now.frame + 3, ..until(is_sharp, *seconds, "the picture was not sharp") },
-                    false,
-                )
+                Self::until(is_sharp, 3, (*seconds, "the picture was not sharp"), now)
             }
-            // It may be over soon.
             Step::WaitWorking(seconds) => {
-                let work = until(|now| now.is_working, *seconds, "nothing that takes long was under way");
-                (Wait { is_patient: false, ..work }, false)
+                Self::until(|now| now.is_working, 0, (*seconds, "nothing that takes long was under way"), now)
             }
             Step::WaitExported(seconds) => {
-                (until(|now| !now.is_exporting, *seconds, "it was still being exported"), false)
+                Self::until(|now| !now.is_exporting, 0, (*seconds, "it was still being exported"), now)
             }
             Step::WaitPainted(seconds) => {
                 let is_painted = |now: &Situation| !now.is_opening && !now.is_painting;
-                (
-                    Wait {
-                        frame: now.frame + 2,
-                        ..until(is_painted, *seconds, "the painter was still busy")
-                    },
-                    false,
-                )
+                Self::until(is_painted, 2, (*seconds, "the painter was still busy"), now)
             }
             Step::WaitSaved(seconds) => {
                 let is_saved = |now: &Situation| !now.is_painting && !now.is_unsaved;
-                (Wait { frame: now.frame + 2, ..until(is_saved, *seconds, "not all was saved") }, false)
+                Self::until(is_saved, 2, (*seconds, "not all was saved"), now)
             }
             #[cfg(feature = "test-steps")]
             Step::WaitFile { path, seconds } => {
                 let file = Some(path.clone());
-                (Wait { file, ..until(|_| true, *seconds, "there was no such file") }, false)
+                Self { file, ..Self::until(|_| true, 0, (*seconds, "there was no such file"), now) }
             }
-            #[cfg(feature = "test-steps")]
-            Step::ExpectMessage(text) => {
-                if !now.messages.iter().any(|message| message.contains(text)) {
-                    let found = now.messages.join(" | ");
-                    let reason = format!("no message says '{text}'; there are: {found}");
-                    return Err(at_step(self.number, reason));
-                }
-                return Ok(Act::NextFrame);
-            }
-            #[cfg(feature = "test-steps")]
-            Step::ExpectPainting { layers, steps } => {
-                let [found_layers, found_steps] = now.painted;
-                if layers.is_some_and(|n| n != found_layers) || steps.is_some_and(|n| n != found_steps) {
-                    let reason =
-                        format!("there are {found_layers} layers and {found_steps} steps of the history");
-                    return Err(at_step(self.number, reason));
-                }
-                return Ok(Act::NextFrame);
-            }
-            // A picture of the window comes with a frame.
-            Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
-                let is_written = |now: &Situation| now.pictures_due == 0;
-                let written = until(is_written, PICTURE_SECONDS, "the picture was not written");
-                (Wait { is_patient: false, ..written }, true)
-            }
-            Step::Hold { frames: count, .. } => (frames(*count), true),
-            Step::Play(_) => {
-                (Wait { is_patient: false, ..until(|now| !now.is_playing, f64::INFINITY, "") }, true)
-            }
-            Step::Stroke { .. } => {
-                let is_drawn = |now: &Situation| !now.is_acting;
-                (Wait { frame: now.frame + 2, ..until(is_drawn, f64::INFINITY, "") }, true)
-            }
-            // What it changes is there in the next frame.
-            _ => (frames(2), true),
+            _ => return None,
         };
-        self.wait = Some(wait);
-        Ok(if is_done { Act::Do(step) } else { Act::NextFrame })
+        // Work may be over before it is looked again.
+        let is_patient = !matches!(step, Step::WaitFrames(_) | Step::WaitWorking(_));
+        Some(Self { is_patient, ..wait })
+    }
+
+    /// What has to have happened after a step before the next one.
+    fn after(step: &Step, now: &Situation) -> Self {
+        const FOREVER: (f64, &str) = (f64::INFINITY, "");
+        match step {
+            Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
+                let patience = (PICTURE_SECONDS, "the picture was not written");
+                Self::until(|now| now.pictures_due == 0, 0, patience, now)
+            }
+            Step::Hold { frames, .. } => Self::frames(*frames, now),
+            Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now),
+            Step::Stroke { .. } => Self::until(|now| !now.is_acting, 2, FOREVER, now),
+            // What it changes is there in the next frame.
+            _ => Self::frames(2, now),
+        }
+    }
+}
+
+/// What is not as a step expects it; none where all is.
+#[cfg(feature = "test-steps")]
+fn contradiction(step: &Step, now: &Situation) -> Option<String> {
+    match step {
+        Step::ExpectMessage(text) => {
+            let is_there = now.messages.iter().any(|message| message.contains(text));
+            let found = now.messages.join(" | ");
+            (!is_there).then(|| format!("no message says '{text}'; there are: {found}"))
+        }
+        Step::ExpectPainting { layers, steps } => {
+            let [found_layers, found_steps] = now.painted;
+            let is_other =
+                layers.is_some_and(|n| n != found_layers) || steps.is_some_and(|n| n != found_steps);
+            is_other
+                .then(|| format!("there are {found_layers} layers and {found_steps} steps of the history"))
+        }
+        _ => None,
     }
 }

@@ -210,21 +210,12 @@ impl<'a> Fitting<'a> {
         for channel in 0..raster.channels {
             let value =
                 |[x, y]: [usize; 2]| (first + (y - at[1]) * width + x - at[0]) * raster.channels + channel;
-            let mut block = Mean::default();
-            for [x, y] in of_block().filter(|[x, y]| raster.valid[y * width + x]) {
-                block.add(values[value([x, y])]);
-            }
+            let valid = of_block().filter(|[x, y]| raster.valid[y * width + x]);
+            let of_valid = mean(valid.map(|at| values[value(at)]));
             for [x, y] in of_block().filter(|[x, y]| !raster.valid[y * width + x]) {
-                let mut near = Mean::default();
-                for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-                    for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                        let texel = ny * width + nx;
-                        if raster.valid[texel] {
-                            near.add(raster.texel(texel)[channel].with_w(self.alpha(texel, channel)));
-                        }
-                    }
-                }
-                values[value([x, y])] = near.value().or(block.value()).unwrap_or(Vec4::ZERO);
+                let near = texels_around(y * width + x, [width, height]).filter(|&texel| raster.valid[texel]);
+                let near = near.map(|texel| raster.texel(texel)[channel].with_w(self.alpha(texel, channel)));
+                values[value([x, y])] = mean(near).or(of_valid).unwrap_or(Vec4::ZERO);
             }
         }
     }
@@ -250,21 +241,19 @@ pub(crate) fn is_block_read(raster: &Raster, block: [usize; 2]) -> bool {
     })
 }
 
-#[derive(Default)]
-pub(crate) struct Mean {
-    sum: Vec4,
-    count: f32,
+/// A texel and those around it, row by row, of so many columns and rows.
+pub(crate) fn texels_around(texel: usize, [width, height]: [usize; 2]) -> impl Iterator<Item = usize> {
+    let (x, y) = (texel % width, texel / width);
+    let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+    rows.flat_map(move |row| {
+        (x.saturating_sub(1)..=(x + 1).min(width - 1)).map(move |column| row * width + column)
+    })
 }
 
-impl Mean {
-    pub(crate) fn add(&mut self, value: Vec4) {
-        self.sum += value;
-        self.count += 1.0;
-    }
-
-    pub(crate) fn value(&self) -> Option<Vec4> {
-        (self.count > 0.0).then(|| self.sum / self.count)
-    }
+/// The mean of some values; none of none.
+pub(crate) fn mean(values: impl Iterator<Item = Vec4>) -> Option<Vec4> {
+    let (sum, count) = values.fold((Vec4::ZERO, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    (count > 0.0).then(|| sum / count)
 }
 
 #[cfg(test)]

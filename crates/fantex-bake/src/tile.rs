@@ -29,7 +29,7 @@ use rayon::prelude::*;
 
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
-use crate::raster::{Fitting, Mean, Overshoot, StoredRows, is_block_read};
+use crate::raster::{Fitting, Overshoot, StoredRows, is_block_read, mean, texels_around};
 use crate::{
     BakeFormat, BakeOptions, Fit, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane,
     clear_what_is_no_number,
@@ -457,21 +457,14 @@ fn continue_over(raster: &mut Raster, hidden: &[u32]) {
     for &texel in hidden {
         let [x, y] = [texel as usize % width, texel as usize / width];
         for channel in 0..raster.channels {
-            let mut near = Mean::default();
-            for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-                for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                    let texel = ny * width + nx;
-                    if raster.valid[texel] {
-                        near.add(raster.texel(texel)[channel]);
-                    }
-                }
-            }
+            let near = texels_around(texel as usize, [width, height]).filter(|&texel| raster.valid[texel]);
+            let near = mean(near.map(|texel| raster.texel(texel)[channel]));
             let of_level = |level: &Raster| {
                 let [columns, rows] = level.extent.map(|n| n as usize);
                 let texel = y * rows / height * columns + x * columns / width;
                 level.valid[texel].then(|| level.texel(texel)[channel])
             };
-            continued.push(near.value().or_else(|| levels.iter().find_map(of_level)));
+            continued.push(near.or_else(|| levels.iter().find_map(of_level)));
         }
     }
     for (&texel, values) in hidden.iter().zip(continued.chunks_exact(raster.channels)) {

@@ -24,6 +24,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::raster::texels_around;
 use crate::samples::{cells, mean_of_cells};
 use crate::{Source, SourceChannel, TexelPoint};
 
@@ -585,9 +586,10 @@ fn pad(normals: &mut [Option<Vec3>], width: usize, texels: u32, is_cancelled: &(
     if texels == 0 {
         return;
     }
+    let size = [width, normals.len() / width];
     let borders = (0..normals.len() as u32).into_par_iter().with_min_len(1 << 12).filter(|&texel| {
         let full = |around: usize| normals[around].is_some();
-        normals[texel as usize].is_none() && texels_around(texel, width, normals.len()).any(full)
+        normals[texel as usize].is_none() && texels_around(texel as usize, size).any(full)
     });
     let mut front: Vec<u32> = borders.collect();
     for step in 0..texels {
@@ -595,7 +597,7 @@ fn pad(normals: &mut [Option<Vec3>], width: usize, texels: u32, is_cancelled: &(
             return;
         }
         let mean = |&texel: &u32| {
-            let around = texels_around(texel, width, normals.len()).filter_map(|around| normals[around]);
+            let around = texels_around(texel as usize, size).filter_map(|around| normals[around]);
             around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum))
         };
         let means: Vec<Option<Vec3>> = front.par_iter().with_min_len(1 << 10).map(mean).collect();
@@ -603,7 +605,7 @@ fn pad(normals: &mut [Option<Vec3>], width: usize, texels: u32, is_cancelled: &(
             normals[texel as usize] = mean;
         }
         if step + 1 < texels {
-            let beside = front.iter().flat_map(|&texel| texels_around(texel, width, normals.len()));
+            let beside = front.iter().flat_map(|&texel| texels_around(texel as usize, size));
             let mut next: Vec<u32> =
                 beside.filter(|&texel| normals[texel].is_none()).map(|texel| texel as u32).collect();
             next.sort_unstable();
@@ -611,15 +613,6 @@ fn pad(normals: &mut [Option<Vec3>], width: usize, texels: u32, is_cancelled: &(
             front = next;
         }
     }
-}
-
-/// A texel and those around it, row by row.
-fn texels_around(texel: u32, width: usize, count: usize) -> impl Iterator<Item = usize> {
-    let (x, y) = (texel as usize % width, texel as usize / width);
-    let rows = y.saturating_sub(1)..=(y + 1).min(count / width - 1);
-    rows.flat_map(move |row| {
-        (x.saturating_sub(1)..=(x + 1).min(width - 1)).map(move |column| row * width + column)
-    })
 }
 
 #[cfg(test)]
@@ -707,7 +700,7 @@ mod tests {
     fn padded(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
         let value = |texel: usize| {
             let around =
-                texels_around(texel as u32, width, normals.len()).filter_map(|around| normals[around]);
+                texels_around(texel, [width, normals.len() / width]).filter_map(|around| normals[around]);
             let mean = || around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum));
             normals[texel].or_else(mean)
         };

@@ -302,6 +302,17 @@ pub fn sync_folder(folder: &Path) -> Result<()> {
     synced.map_err(|error| Error::writing(folder, error))
 }
 
+/// Removes a file, if it is there.
+///
+/// # Errors
+/// The system refuses.
+pub fn remove_if_there(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(Error::writing(path, error)),
+        _ => Ok(()),
+    }
+}
+
 /// Writes a file whole or not at all.
 ///
 /// # Errors

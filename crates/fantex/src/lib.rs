@@ -35,6 +35,21 @@
 //! # }
 //! ```
 //!
+//! # Types by task
+//!
+//! | task | types |
+//! |---|---|
+//! | load a model, or take one from memory | [`Mesh`] |
+//! | bake it | [`Baker`], [`Source`], [`Baked`] |
+//! | open an asset, look texels up | [`Asset`], [`Sampler`], [`SurfacePoint`], [`Footprint`] |
+//! | show something before all texels are there | [`Preview`] |
+//! | split a large asset, show many together | [`split()`], [`World`], [`WorldScene`], [`frame_world`], [`verify_world`] |
+//! | draw pictures of a look, compare pictures | [`look_scene`], [`Surroundings`], [`ModelPicture`], [`ViewComparison`] |
+//! | be told of progress, end what takes long | [`Progress`], [`NoProgress`] |
+//! | tell errors apart | [`Error`], [`ErrorKind`] |
+//!
+//! Of these, functions named `open` take paths and addresses, those named `load` files alone.
+//!
 //! # Features
 //!
 //! None is on by default; without features there is no window, GPU or network code.
@@ -79,46 +94,25 @@
 #[cfg(feature = "http")]
 pub mod addresses;
 mod asset;
-mod asset_materials;
 mod baker;
-mod coarse;
-#[cfg(feature = "http")]
-mod coarse_objects;
-mod coarse_tree;
-mod joined;
 pub mod look_scene;
 mod look_table;
-#[cfg(feature = "http")]
-mod merge;
 mod model;
-#[cfg(feature = "export")]
-mod model_notes;
 mod notes;
+mod pictures;
 mod preview;
-mod refined;
 #[cfg(feature = "signals")]
 pub mod signals;
-mod split;
-#[cfg(feature = "http")]
-mod staging;
-#[cfg(feature = "http")]
-mod store_folder;
-mod surroundings;
-#[cfg(feature = "http")]
-mod upload;
-mod view_comparison;
-#[cfg(feature = "http")]
-mod world_change;
-mod world_check;
-#[cfg(feature = "export")]
-mod world_export;
-mod world_framing;
-mod world_scene;
+mod world;
 
+#[cfg(feature = "http")]
+pub use addresses::upload::{Upload, Uploaded};
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
-pub use baker::{Baked, Baker, Covered, OwnLook, Source};
+pub use baker::{Baked, Baker, Covered, LongestEdge, OwnLook, Source, budget_texels};
+#[cfg(feature = "http")]
+pub use baker::{Merge, Merged};
 #[cfg(feature = "export")]
 pub use fantex_export as export;
 #[cfg(feature = "gpu")]
@@ -131,28 +125,20 @@ pub use fantex_paint as paint;
 pub use fantex_photos as photos;
 pub use fantex_stream::{WORLD_EXTENSION, World, WorldCoarse, WorldObject, WorldPreview};
 pub use look_table::{LookTable, look_texture};
-#[cfg(feature = "http")]
-pub use merge::{Merge, Merged};
 pub use model::Mesh;
 #[cfg(feature = "export")]
-pub use model_notes::{ModelKind, model_notes};
+pub use notes::{ModelKind, model_notes};
 pub use notes::{damage_note, not_verified, stand_in_note};
+pub use pictures::{ModelPicture, Surroundings, ViewComparison};
 pub use preview::{Preview, PreviewOptions};
-pub use refined::{LongestEdge, budget_texels};
-pub use split::{SectorPreviews, Split, SplitOptions, split};
+pub use world::{
+    ObjectReport, SectorPreviews, Split, SplitOptions, WorldReport, WorldScene, WorldSurface, frame_world,
+    split, verify_world,
+};
 #[cfg(feature = "http")]
-pub use store_folder::StoreFolder;
-pub use surroundings::Surroundings;
-#[cfg(feature = "http")]
-pub use upload::{Upload, Uploaded};
-pub use view_comparison::{ModelPicture, ViewComparison};
-#[cfg(feature = "http")]
-pub use world_change::{WorldChange, WorldChanged, change_world};
-pub use world_check::{ObjectReport, WorldReport, verify_world};
+pub use world::{StoreFolder, WorldChange, WorldChanged, change_world};
 #[cfg(feature = "export")]
-pub use world_export::{export_world, export_world_fans};
-pub use world_framing::frame_world;
-pub use world_scene::{WorldScene, WorldSurface};
+pub use world::{export_world, export_world_fans};
 pub use {
     fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
     fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,

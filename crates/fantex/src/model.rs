@@ -9,7 +9,7 @@ use fantex_mesh::{
     CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
 };
 
-use crate::asset_materials::{says_something, without_tiles};
+use crate::baker::materials::{says_something, without_tiles};
 use crate::{Asset, FileKind};
 
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.

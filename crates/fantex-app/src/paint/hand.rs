@@ -269,22 +269,7 @@ impl Painting {
         view: &Viewpoint,
     ) -> Result<(Paint, PaintSources), String> {
         let is_mask = matches!(self.target, Target::Mask(_));
-        if let Some(layer) = self.layer() {
-            if !layer.visible {
-                return Err("The layer is hidden: show it to paint on it.".into());
-            }
-            let around = groups_around(&self.snapshot.layers, layer.id());
-            if self.snapshot.layers.iter().any(|group| around.contains(&group.id()) && !group.visible) {
-                return Err("The layer's group is hidden: show it to paint on the layer.".into());
-            }
-            if !is_mask && layer.group_kind().is_some() {
-                return Err("A group is chosen: choose a layer in it, or its mask, to paint on.".into());
-            }
-            if !is_mask && !matches!(layer.content, LayerContent::Painted) {
-                let text = "A fill layer is painted through its mask: choose the mask, or add one.";
-                return Err(text.into());
-            }
-        }
+        self.check_layer(is_mask)?;
         let color = settings.colors.linear();
         let mut channels = settings.channels.paint(&self.channels, color, &settings.material);
         if is_mask {
@@ -330,7 +315,33 @@ impl Painting {
         if channels.is_empty() {
             return Err("No channel is switched on: choose what the brush paints.".into());
         }
-        let tool = match settings.tool {
+        let tool = self.tool(start, settings, view)?;
+        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
+    }
+
+    /// Refuses, in a sentence, to paint on the chosen layer, or on its mask, as it is.
+    fn check_layer(&self, is_mask: bool) -> Result<(), String> {
+        let Some(layer) = self.layer() else { return Ok(()) };
+        if !layer.visible {
+            return Err("The layer is hidden: show it to paint on it.".into());
+        }
+        let around = groups_around(&self.snapshot.layers, layer.id());
+        if self.snapshot.layers.iter().any(|group| around.contains(&group.id()) && !group.visible) {
+            return Err("The layer's group is hidden: show it to paint on the layer.".into());
+        }
+        if !is_mask && layer.group_kind().is_some() {
+            return Err("A group is chosen: choose a layer in it, or its mask, to paint on.".into());
+        }
+        if !is_mask && !matches!(layer.content, LayerContent::Painted) {
+            let text = "A fill layer is painted through its mask: choose the mask, or add one.";
+            return Err(text.into());
+        }
+        Ok(())
+    }
+
+    /// What a stroke that begins here does to the texels, or why it cannot.
+    fn tool(&self, start: SurfacePoint, settings: &PaintSettings, view: &Viewpoint) -> Result<Tool, String> {
+        Ok(match settings.tool {
             PaintTool::Erase if self.target == Target::Base => {
                 let text = "There is nothing below the base to show: add a layer, paint and erase there.";
                 return Err(text.into());
@@ -354,8 +365,7 @@ impl Painting {
             PaintTool::Smudge => Tool::Smudge { strength: settings.smudge.clamp(0.0, 1.0) },
             PaintTool::Paint => Tool::Paint(settings.brush.blend),
             PaintTool::Fill | PaintTool::Sticker | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
-        };
-        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil, sight: None }, sources))
+        })
     }
 
     /// What shapes the brush's dabs; made once and whenever its file has changed.

@@ -269,6 +269,50 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
     }
+    refuse_options_of_turntables(args)?;
+    if args.web {
+        return web::run(args, context);
+    }
+    check_options(args)?;
+    let side = side_of_pictures(args)?;
+    let started = Instant::now();
+    let input = Input::open(args)?;
+    context.check_output_of(&args.output, &args.asset)?;
+    let model = args.model.as_deref().map(open_model).transpose()?;
+    let options = ExportOptions {
+        uv: match (&model, args.uv) {
+            (Some(model), _) => UvChoice::OfModel(model),
+            (None, UvArg::Source) => UvChoice::OfAsset,
+            (None, UvArg::Atlas) => UvChoice::Atlas,
+        },
+        side,
+        largest_side: args.max_size,
+        texels: None,
+        padding: args.padding,
+        with_ktx2: args.textures == SheetPictures::PngAndKtx2,
+        force: context.force,
+        strict: context.strict,
+        memory_bytes: context.memory_bytes,
+    };
+    let exported = {
+        let _deferral = context.defer_interrupt();
+        write(&input, args, &options, context)
+    };
+    let summary = exported.map_err(|error| match error.kind() {
+        ErrorKind::Damaged => error.in_file(&args.asset),
+        _ => error,
+    })?;
+    let kind = ModelKind::Exported { fans: args.fans, padding: args.padding };
+    model_notes(&args.output, &summary, kind).iter().for_each(|note| context.note(note));
+    if let Some((tiles, first)) = &summary.damage {
+        context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
+    }
+    let seconds = started.elapsed().as_secs_f64();
+    context.print(&info(args, &input, &summary, seconds), text)
+}
+
+/// Refuses options that only turntables have.
+fn refuse_options_of_turntables(args: &ExportArgs) -> Result<()> {
     let of_turntables = [
         ("--environment", args.surroundings.is_given()),
         ("--background", args.surroundings.has_background()),
@@ -278,9 +322,11 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             "{option} belongs to a turntable; give --turntable, too, or leave it out"
         )));
     }
-    if args.web {
-        return web::run(args, context);
-    }
+    Ok(())
+}
+
+/// Refuses options that do not go together, or with the output's kind.
+fn check_options(args: &ExportArgs) -> Result<()> {
     if args.padding.is_some() && (args.uv == UvArg::Source || args.model.is_some()) {
         return Err(Error::invalid(
             "--padding is of a packing of its own, and the model's texture coordinates stay as they are; leave it out",
@@ -307,67 +353,46 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             "--textures has exr for the sheets of --fans alone; write channels of an atlas with --channel and an .exr file",
         ));
     }
-    let side = match args.size {
-        Some(PictureSize::WidthHeight([width, height])) => {
-            return Err(Error::invalid(format!(
-                "{width}x{height} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
-            )));
-        }
-        Some(PictureSize::Side(side)) => Some(side),
-        None => None,
-    };
-    let started = Instant::now();
-    let input = Input::open(args)?;
-    context.check_output_of(&args.output, &args.asset)?;
-    let model = args.model.as_deref().map(open_model).transpose()?;
-    let options = ExportOptions {
-        uv: match (&model, args.uv) {
-            (Some(model), _) => UvChoice::OfModel(model),
-            (None, UvArg::Source) => UvChoice::OfAsset,
-            (None, UvArg::Atlas) => UvChoice::Atlas,
-        },
-        side,
-        largest_side: args.max_size,
-        texels: None,
-        padding: args.padding,
-        with_ktx2: args.textures == SheetPictures::PngAndKtx2,
-        force: context.force,
-        strict: context.strict,
-        memory_bytes: context.memory_bytes,
-    };
-    let exported = {
-        let _deferral = context.defer_interrupt();
-        let progress = context.progress("export");
-        match (&input, &args.channel[..]) {
-            (Input::Asset(asset), []) if args.fans => {
-                export_fans(asset, &args.output, &fan_options(args, context), &progress)
-            }
-            (Input::Asset(asset), []) => export_model(asset, &args.output, &options, &progress),
-            (Input::World(world), _) if args.fans => {
-                let fans = fan_options(args, context);
-                export_world_fans(&args.asset, world, &args.output, &fans, &progress)
-            }
-            (Input::World(world), _) => export_world(&args.asset, world, &args.output, &options, &progress),
-            (Input::Asset(asset), kinds) => {
-                let files: Vec<PathBuf> =
-                    kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
-                let channels: Vec<(ChannelMap, &Path)> =
-                    kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
-                export_channels(asset, &channels, args.depth, &options, &progress)
-            }
-        }
-    };
-    let summary = exported.map_err(|error| match error.kind() {
-        ErrorKind::Damaged => error.in_file(&args.asset),
-        _ => error,
-    })?;
-    let kind = ModelKind::Exported { fans: args.fans, padding: args.padding };
-    model_notes(&args.output, &summary, kind).iter().for_each(|note| context.note(note));
-    if let Some((tiles, first)) = &summary.damage {
-        context.report_damage(stand_in_note(&args.asset, *tiles, first))?;
+    Ok(())
+}
+
+/// The side that was asked for.
+fn side_of_pictures(args: &ExportArgs) -> Result<Option<u32>> {
+    match args.size {
+        Some(PictureSize::WidthHeight([width, height])) => Err(Error::invalid(format!(
+            "{width}x{height} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
+        ))),
+        Some(PictureSize::Side(side)) => Ok(Some(side)),
+        None => Ok(None),
     }
-    let seconds = started.elapsed().as_secs_f64();
-    context.print(&info(args, &input, &summary, seconds), text)
+}
+
+/// Writes the files of an export.
+fn write(
+    input: &Input,
+    args: &ExportArgs,
+    options: &ExportOptions<'_>,
+    context: &Context,
+) -> Result<ExportSummary> {
+    let progress = context.progress("export");
+    match (input, &args.channel[..]) {
+        (Input::Asset(asset), []) if args.fans => {
+            export_fans(asset, &args.output, &fan_options(args, context), &progress)
+        }
+        (Input::Asset(asset), []) => export_model(asset, &args.output, options, &progress),
+        (Input::World(world), _) if args.fans => {
+            let fans = fan_options(args, context);
+            export_world_fans(&args.asset, world, &args.output, &fans, &progress)
+        }
+        (Input::World(world), _) => export_world(&args.asset, world, &args.output, options, &progress),
+        (Input::Asset(asset), kinds) => {
+            let files: Vec<PathBuf> =
+                kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
+            let channels: Vec<(ChannelMap, &Path)> =
+                kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
+            export_channels(asset, &channels, args.depth, options, &progress)
+        }
+    }
 }
 
 /// Refuses kinds of models that are written in another way, or by another command.

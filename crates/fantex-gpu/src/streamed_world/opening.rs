@@ -5,13 +5,12 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
 use fantex_base::Result;
-use fantex_cover::Cover;
-use fantex_mesh::{Mesh, WorldFromMesh};
+use fantex_mesh::WorldFromMesh;
 use fantex_store::Asset;
 #[cfg(target_arch = "wasm32")]
 use fantex_stream::MAX_COARSE_BYTES;
 use fantex_stream::read::FileReadOptions;
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Geometry, SurfaceSamples, World};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, CoveredMesh, Geometry, SurfaceSamples, World};
 
 use crate::{FanModel, Gpu, Model as _, StreamedModel};
 
@@ -222,22 +221,6 @@ fn small(gpu: &Gpu, asset: Asset, space: &WorldFromMesh) -> Result<(FanModel, Su
     Ok((model, surface))
 }
 
-/// Mesh and cover of an object in the space of its world.
-struct MovedGeometry {
-    mesh: Mesh,
-    cover: Cover,
-}
-
-impl Geometry for MovedGeometry {
-    fn mesh(&self) -> &Mesh {
-        &self.mesh
-    }
-
-    fn cover(&self) -> &Cover {
-        &self.cover
-    }
-}
-
 /// The asset itself, where it lies in that space.
 fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
     let from = asset.mesh().world_from_mesh;
@@ -247,7 +230,7 @@ fn geometry_in(asset: &Arc<Asset>, space: &WorldFromMesh) -> Arc<dyn Geometry> {
     let (mut mesh, mut cover) = (asset.mesh().clone(), asset.cover().clone());
     mesh.move_to(*space);
     cover.move_between(&from, space);
-    Arc::new(MovedGeometry { mesh, cover })
+    Arc::new(CoveredMesh { mesh, cover })
 }
 
 #[cfg(test)]

@@ -47,7 +47,11 @@ impl Channel {
     /// What a channel holds that says no more than the model: **linear** RGBA (normals as stored) at a triangle.
     pub fn plain_value(kind: ChannelKind, mesh: &Mesh, triangle: usize) -> [f32; 4] {
         let plain = Material::default();
-        let material = mesh.materials.get(mesh.material_of(triangle)).unwrap_or(&plain);
+        Self::plain_value_of(kind, mesh.materials.get(mesh.material_of(triangle)).unwrap_or(&plain))
+    }
+
+    /// As [`plain_value`](Self::plain_value), where a material is.
+    pub fn plain_value_of(kind: ChannelKind, material: &Material) -> [f32; 4] {
         let grey = |x: f32| [x, x, x, 1.0];
         match kind {
             ChannelKind::BaseColor => material.base_color.to_array(),

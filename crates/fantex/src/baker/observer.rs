@@ -24,6 +24,7 @@ impl<'a> Observer<'a> {
     }
 
     /// The same work with another observer.
+    #[cfg(feature = "photos")]
     pub(super) fn followed_by<'b>(&self, progress: &'b dyn Progress) -> Observer<'b> {
         Observer { progress, covered: Mutex::new(self.covered()) }
     }

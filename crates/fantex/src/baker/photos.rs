@@ -8,8 +8,8 @@ use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
+use super::materials::of_photographs;
 use super::{Baked, Baker, Budget, Goal};
-use crate::asset_materials::of_photographs;
 
 /// Photographs of a model, with their cameras.
 #[derive(Clone, Debug, Default, PartialEq)]

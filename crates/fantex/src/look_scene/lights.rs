@@ -21,7 +21,7 @@ use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
 use super::{MaterialResolver, ResolvedMaterials, note_of_lacking_coordinates};
-use crate::asset_materials::of_look;
+use crate::baker::materials::of_look;
 
 impl MaterialResolver<'_> {
     /// The lamps of the look, without its environment; `None` where it has neither.

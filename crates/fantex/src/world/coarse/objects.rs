@@ -9,19 +9,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::files::folder_of;
+use fantex_base::files::{folder_of, remove_if_there};
 use fantex_base::{Error, Result, counted};
 use fantex_mesh::{Mesh, WorldFromMesh, morton};
 use fantex_store::Asset;
 use fantex_stream::{ObjectTarget, Replace, url_of};
 use glam::{DVec3, Vec3};
 
+use super::tree::{self, CoarseMaker, CoarseSize, Node};
+use super::{FinerSurface, objects_below};
+use crate::addresses::staging::Staging;
 use crate::addresses::{is_object, watched};
-use crate::coarse::FinerSurface;
-use crate::coarse_tree::{self, CoarseMaker, CoarseSize, Node};
 use crate::preview::{CancelOnly, DEFAULT_TEXELS, border_vertices};
-use crate::split::{assets_of_others, left_behind, name_of_generation, numbered_name};
-use crate::staging::Staging;
+use crate::world::split::names::{name_of_generation, numbered_name};
+use crate::world::split::output::{assets_of_others, left_behind};
 use crate::{PreviewOptions, World};
 
 /// Distance at which two vertices are one, in the space of the world: that of roundings to single precision, twice for either.
@@ -71,7 +72,7 @@ pub(crate) fn make_coarse(
     let mut maker =
         ObjectMaker { index, meetings, is_kept: Vec::new(), options, files: &mut files, progress };
     let memory = (options.memory_bytes, options.strict);
-    let left_out = coarse_tree::add_coarse(world, nodes, &mut maker, memory, progress)?;
+    let left_out = tree::add_coarse(world, nodes, &mut maker, memory, progress)?;
     if left_out > 0 {
         notes.push(format!(
             "{} left out, as what is there can hardly be simplified: views from afar take more memory",
@@ -112,17 +113,6 @@ fn nodes(world: &World, space: &WorldFromMesh) -> Result<(Vec<Node>, u64)> {
     let objects = world.objects.len();
     let mut is_part = vec![false; objects + parts.len()];
     parts.iter().flatten().for_each(|&part| is_part[part] = true);
-    let below = |coarse: usize| {
-        let (mut found, mut open) = (Vec::new(), vec![coarse]);
-        while let Some(node) = open.pop() {
-            match node.checked_sub(objects) {
-                None => found.push(node),
-                Some(coarse) => open.extend(&parts[coarse]),
-            }
-        }
-        found.sort_unstable();
-        found
-    };
     let middle = |low: [f64; 3], high: [f64; 3]| {
         morton(space.inverse_point(0.5 * (DVec3::from(low) + DVec3::from(high))))
     };
@@ -142,7 +132,7 @@ fn nodes(world: &World, space: &WorldFromMesh) -> Result<(Vec<Node>, u64)> {
     for (number, coarse) in world.coarse.iter().enumerate().filter(|(number, _)| !is_part[objects + *number])
     {
         let (asset, detail) = (coarse.asset.clone(), coarse.detail);
-        let below = below(objects + number);
+        let below = objects_below(&parts, objects, number);
         nodes.push((
             middle(coarse.low, coarse.high),
             Node { objects: below, asset, is_object: false, is_coarse: true, detail },
@@ -425,10 +415,7 @@ fn remove(place: &Path) -> Result<()> {
     if is_object(place) {
         return ObjectTarget::at(place)?.remove();
     }
-    match std::fs::remove_file(place) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(Error::writing(place, error)),
-        _ => Ok(()),
-    }
+    remove_if_there(place)
 }
 
 #[cfg(test)]

@@ -14,9 +14,9 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use fantex_bake::{AssetSource, Source, SourceChannel, TexelPoint, baked_materials};
+use fantex_bake::baked_materials;
 use fantex_mesh::{AlphaMode, Material, Mesh};
-use fantex_store::{Asset, Channel, ChannelKind, Damage, PageCache};
+use fantex_store::{Asset, ChannelKind};
 use fantex_texture::look::LookMaterial;
 use glam::{Vec3, Vec4};
 
@@ -92,7 +92,7 @@ pub(crate) fn of_look(look: &[Arc<LookMaterial>], is_lit: bool) -> Vec<Material>
     materials
 }
 
-/// For a coarse mesh that is given what the materials of a detailed one show: where these have no channel, they are alike ([`AssetChannels`] sees to it),
+/// For a coarse mesh that is given what the materials of a detailed one show: where these have no channel, they are alike ([`AssetChannels`](super::channels::AssetChannels) sees to it),
 /// and the coarse mesh gets what they have in common. A coarse mesh with the very materials of the detailed one keeps them.
 pub(crate) fn of_transfer<'m>(coarse: &'m Mesh, detailed: &Mesh) -> Cow<'m, Mesh> {
     if coarse.materials == detailed.materials {
@@ -108,7 +108,7 @@ pub(crate) fn of_transfer<'m>(coarse: &'m Mesh, detailed: &Mesh) -> Cow<'m, Mesh
 }
 
 /// The materials that a mesh's triangles have.
-fn used_materials(mesh: &Mesh) -> Vec<&Material> {
+pub(super) fn used_materials(mesh: &Mesh) -> Vec<&Material> {
     let mut is_used = vec![false; mesh.materials.len()];
     for triangle in 0..mesh.triangles.len() {
         if let Some(is_used) = is_used.get_mut(mesh.material_of(triangle)) {
@@ -140,82 +140,6 @@ fn joint_alpha(a: AlphaMode, b: AlphaMode) -> AlphaMode {
         (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
         (AlphaMode::Mask(a), AlphaMode::Mask(b)) => AlphaMode::Mask(a.min(b)),
         (AlphaMode::Opaque, other) | (other, AlphaMode::Opaque) => other,
-    }
-}
-
-/// An asset as the source of certain channels: where it lacks one, that holds what its materials say.
-pub(crate) struct AssetChannels {
-    source: AssetSource,
-    asset: Arc<Asset>,
-    channels: Vec<SourceChannel>,
-    /// Per channel the number of the asset's own; none where it has none.
-    own: Vec<Option<usize>>,
-}
-
-impl AssetChannels {
-    /// Its own channels, and those in which its materials differ.
-    pub(crate) fn all_of(asset: &Arc<Asset>, memory_bytes: u64) -> Self {
-        let source = asset_source(asset, memory_bytes);
-        let mut channels = source.channels();
-        let materials = used_materials(asset.mesh());
-        for kind in [ChannelKind::BaseColor, ChannelKind::OcclusionRoughnessMetallic, ChannelKind::Emission] {
-            let differs = materials.windows(2).any(|pair| factors(kind, pair[0]) != factors(kind, pair[1]));
-            if differs && channels.iter().all(|channel| channel.kind != kind) {
-                let exceeds_one = materials.iter().any(|m| factors(kind, m).max_element() > 1.0);
-                channels.push(SourceChannel { exceeds_one, ..SourceChannel::new(kind) });
-            }
-        }
-        Self::new(source, asset, channels)
-    }
-
-    /// What `source` gives of the asset that it reads, as these channels.
-    pub(crate) fn new(source: AssetSource, asset: &Arc<Asset>, channels: Vec<SourceChannel>) -> Self {
-        let own = source.channels();
-        let number = |channel: &SourceChannel| own.iter().position(|own| own.kind == channel.kind);
-        let own = channels.iter().map(number).collect();
-        Self { source, asset: Arc::clone(asset), channels, own }
-    }
-}
-
-/// Reads an asset with so much memory for decoded texels.
-pub(crate) fn asset_source(asset: &Arc<Asset>, memory_bytes: u64) -> AssetSource {
-    let bytes = usize::try_from(memory_bytes).unwrap_or(usize::MAX);
-    AssetSource::new(&PageCache::new(Arc::clone(asset), bytes))
-}
-
-/// The factors that stand for a channel.
-fn factors(kind: ChannelKind, material: &Material) -> Vec4 {
-    match kind {
-        ChannelKind::BaseColor => material.base_color,
-        ChannelKind::Emission => material.emission.extend(1.0),
-        _ => Vec4::new(1.0, material.roughness, material.metallic, 1.0),
-    }
-}
-
-impl Source for AssetChannels {
-    fn channels(&self) -> Vec<SourceChannel> {
-        self.channels.clone()
-    }
-
-    fn damage(&self) -> Damage {
-        self.source.damage()
-    }
-
-    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        let is_own = self.own.iter().enumerate().all(|(number, own)| *own == Some(number));
-        if is_own {
-            return self.source.evaluate(point, values);
-        }
-        let mut own = vec![Vec4::ZERO; self.asset.channels().len()];
-        self.source.evaluate(point, &mut own);
-        for ((value, number), channel) in values.iter_mut().zip(&self.own).zip(&self.channels) {
-            *value = match (number, channel.kind) {
-                (Some(number), _) => own[*number],
-                (None, ChannelKind::Normal) => point.normal.extend(0.0),
-                // What the asset shows without it.
-                (None, kind) => Channel::plain_value(kind, self.asset.mesh(), point.at.index()).into(),
-            };
-        }
     }
 }
 

@@ -7,9 +7,9 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_store::Asset;
 
-use crate::coarse::{FinerSurface, joined};
+use super::{FinerSurface, measured};
 use crate::preview::{coarse_mesh, is_worth_it};
-use crate::{PreviewOptions, World, WorldCoarse};
+use crate::{PreviewOptions, World};
 
 /// Objects, or coarse assets, that a coarse asset stands for, at most.
 pub(crate) const RUN: usize = 16;
@@ -101,10 +101,8 @@ pub(crate) fn add_coarse(
                 maker.put(&mut |path| surface.write_coarse((&mesh, texels), &options, path, progress))?;
             let detail = run.iter().map(|node| node.detail).fold(0.0, f64::max);
             let parts = run.iter().map(|node| node.asset.clone()).collect();
-            // As who verifies the world measures it.
-            let space = finer[0].mesh().world_from_mesh;
-            let finer = joined(finer.iter().map(|asset| asset.mesh()), space, |p| p).mesh;
-            let coarse = WorldCoarse::of(&*asset, &open, parts, &finer, detail);
+            let finer: Vec<_> = finer.iter().map(|asset| asset.shared_mesh()).collect();
+            let coarse = measured(&asset, &open, parts, &finer, detail);
             above.push(Node { objects, asset, is_object: false, is_coarse: true, detail: coarse.detail });
             world.coarse.push(coarse);
         }

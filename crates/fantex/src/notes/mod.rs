@@ -1,10 +1,16 @@
-//! Sentences on what was found in assets.
+//! Sentences on what was found in assets, and on models that were written.
+
+#[cfg(feature = "export")]
+mod models;
 
 use std::fmt::Display;
 use std::path::Path;
 
 use fantex_base::{Error, grouped, numbered};
 use fantex_store::{Damage, JUMP_BOUND, VerifyReport};
+
+#[cfg(feature = "export")]
+pub use models::{ModelKind, model_notes};
 
 /// What is to be known of an asset in which texels could not be read; none where all could.
 pub fn damage_note(place: &Path, damage: &Damage) -> Option<String> {

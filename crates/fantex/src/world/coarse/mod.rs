@@ -4,6 +4,10 @@
 //!  previews of a run of sectors --join--> one surface --fewer triangles, outline as it is--> coarse mesh --bake from the surface--> coarse asset
 //! ```
 
+#[cfg(feature = "http")]
+pub(crate) mod objects;
+pub(crate) mod tree;
+
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -14,10 +18,10 @@ use fantex_mesh::{Material, Mesh, SurfacePoint, WorldFromMesh, shading_normals};
 use fantex_store::{Asset, ChannelKind, Damage};
 use glam::{Vec3, Vec4};
 
-use crate::PreviewOptions;
-use crate::asset_materials::{AssetChannels, asset_source};
-use crate::joined::{FirstTriangles, JoinedMesh};
+use super::joined::{FirstTriangles, JoinedMesh};
+use crate::baker::channels::{AssetChannels, asset_source};
 use crate::preview::write_coarse;
+use crate::{PreviewOptions, WorldCoarse};
 
 /// A position in a mesh space, to the last bit; both zeros are the same.
 pub(crate) type Place = [u32; 3];
@@ -72,6 +76,35 @@ fn add_materials(all: &mut Vec<Material>, own: &[Material], is_first: bool) -> V
     own.iter().map(&mut number).collect()
 }
 
+/// What an index says of a coarse asset that stands for these meshes, whose finest detail is so long, world units. Who makes one and who verifies it
+/// measure alike.
+pub(crate) fn measured(
+    name: &str,
+    asset: &Asset,
+    parts: Vec<String>,
+    finer: &[Arc<Mesh>],
+    finer_detail: f64,
+) -> WorldCoarse {
+    let space = finer.first().map_or(asset.mesh().world_from_mesh, |mesh| mesh.world_from_mesh);
+    let finer = joined(finer.iter().map(|mesh| &**mesh), space, |p| p).mesh;
+    WorldCoarse::of(name, asset, parts, &finer, finer_detail)
+}
+
+/// The objects that a coarse asset stands for, ascending, of so many. `parts`: those of [`World::parts`](crate::World::parts).
+pub(crate) fn objects_below(parts: &[Vec<usize>], objects: usize, coarse: usize) -> Vec<usize> {
+    let (mut found, mut open) = (Vec::new(), vec![coarse]);
+    while let Some(coarse) = open.pop() {
+        for &part in &parts[coarse] {
+            match part.checked_sub(objects) {
+                None => found.push(part),
+                Some(coarse) => open.push(coarse),
+            }
+        }
+    }
+    found.sort_unstable();
+    found
+}
+
 fn weld(mesh: &mut Mesh) {
     let (mut numbers, mut positions) = (HashMap::with_capacity(mesh.positions.len()), Vec::new());
     let number = |&p: &Vec3| {
@@ -114,7 +147,7 @@ impl FinerSurface {
         let share = memory_bytes / assets.len() as u64;
         let sources: Vec<AssetSource> = assets.iter().map(|asset| asset_source(asset, share)).collect();
         let channels = common_channels(&sources);
-        let part = |(source, asset)| AssetChannels::new(source, asset, channels.clone());
+        let part = |(source, asset)| AssetChannels::of_asset(source, asset, channels.clone());
         let parts = sources.into_iter().zip(assets).map(part).collect();
         Self { mesh, firsts, triangles, parts, channels }
     }

@@ -6,8 +6,8 @@ use fantex_bake::Progress;
 use fantex_base::{Error, Result, files};
 use fantex_stream::{ObjectTarget, Replace, World};
 
+use super::{is_address, is_object, watched};
 use crate::StoreFolder;
-use crate::addresses::{is_address, is_object, watched};
 
 /// A finished file, an asset, a plan or a part, or the index of a world with its assets, that is sent to an object store.
 #[derive(Clone, Copy, Debug)]

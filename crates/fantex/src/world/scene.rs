@@ -14,8 +14,8 @@ use fantex_store::{Damage, PageCache};
 use fantex_stream::{ObjectDetail, StreamView, ViewObject, choose_objects, open_asset};
 use glam::{Vec2, Vec3};
 
+use super::joined::{FirstTriangles, JoinedMesh};
 use crate::World;
-use crate::joined::{FirstTriangles, JoinedMesh};
 
 /// The objects of a world that a camera sees: whole where their previews are too coarse, by these elsewhere, from afar several by a coarse
 /// asset.

@@ -9,10 +9,10 @@ use fantex_base::{Error, ErrorKind, Result, counted, input};
 use fantex_store::{Asset, PREVIEW};
 use fantex_stream::{ObjectTarget, Replace, open_asset, url_of};
 
+use super::coarse::objects::{MadeCoarse, make_coarse};
+use super::split::output::lock_index;
 use crate::addresses::{Target, is_object, watched};
-use crate::coarse_objects::{MadeCoarse, make_coarse};
 use crate::preview::CancelOnly;
-use crate::split::lock_index;
 use crate::{FileKind, Preview, PreviewOptions, WORLD_EXTENSION, World, WorldObject};
 
 /// What to change in an index.

@@ -19,9 +19,10 @@ use fantex_base::{Error, ErrorKind, Result, files, input};
 use fantex_store::Asset;
 use fantex_stream::{ObjectTarget, Replace};
 
+use super::split::names::generation_of;
+use super::split::output::left_behind;
+use crate::addresses::staging::{SendTarget, Staging};
 use crate::addresses::watched;
-use crate::split::{generation_of, left_behind};
-use crate::staging::{SendTarget, Staging};
 use crate::{Split, SplitOptions, World, split};
 
 /// A folder in an object store that an asset is split into: what the keys of its world begin with.

@@ -1,21 +1,17 @@
 //! Whether a world is what its index says, and whether its sectors fit together.
 
-use std::collections::{HashMap, HashSet};
+mod seams;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
-use fantex_mesh::{Edge, Edges, Mesh, SurfacePoint, WorldFromMesh};
-use fantex_store::{
-    Asset, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, jump,
-    verify_asset,
-};
+use fantex_store::{Asset, JUMP_BOUND, PageCache, VerifyOptions, VerifyReport, verify_asset};
 use fantex_stream::open_asset;
-use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
-use crate::coarse::joined;
+use self::seams::Seams;
+use super::coarse::{measured, objects_below};
 use crate::{World, WorldCoarse, WorldObject, WorldPreview, not_verified};
 
 /// What verification of a world found.
@@ -71,6 +67,25 @@ pub struct ObjectReport {
     pub faults: Vec<String>,
 }
 
+impl ObjectReport {
+    /// Of an asset, which is opened and verified; none where it cannot be opened.
+    fn begin(place: PathBuf, options: &VerifyOptions) -> (Self, Option<Arc<Asset>>) {
+        let report = Self { place, ..Self::default() };
+        match open_asset(&report.place).map(Arc::new) {
+            Ok(asset) => (Self { asset: Some(verify_asset(&asset, options)), ..report }, Some(asset)),
+            Err(error) => (Self { faults: vec![error.to_string()], ..report }, None),
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        self.asset.as_ref().is_some_and(|found| found.ok)
+    }
+
+    fn end(self) -> Self {
+        Self { ok: self.is_sound() && self.faults.is_empty(), ..self }
+    }
+}
+
 /// Verifies every asset of a world as [`verify_asset`] does, and its preview; compares them with the index; and compares the texture function on
 /// both sides of edges where sectors of one asset meet: those at open borders with their ends at the same places, of assets with one mesh
 /// space, blend band and density. Those edges at which a coarse asset ends must be edges of it, too, unless they are at the outline of all
@@ -81,7 +96,7 @@ pub struct ObjectReport {
 pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progress) -> Result<WorldReport> {
     let world = World::open(index)?;
     let mut report = WorldReport::default();
-    let mut seams = Seams { keeps_meetings: !world.coarse.is_empty(), ..Seams::default() };
+    let mut seams = Seams::new(!world.coarse.is_empty());
     let of_coarse = world.coarse.iter().map(|coarse| coarse.texels);
     let total =
         world.objects.iter().map(|object| object.texels).chain(of_coarse).fold(0, u64::saturating_add);
@@ -100,7 +115,10 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
         if progress.is_cancelled() {
             return Err(Error::cancelled("the verification was cancelled"));
         }
-        let stands_for = objects_below(&parts, world.objects.len(), number);
+        let mut stands_for = vec![false; world.objects.len()];
+        for object in objects_below(&parts, world.objects.len(), number) {
+            stands_for[object] = true;
+        }
         report.coarse.push(verify_coarse(
             (index, &world),
             (coarse, &parts[number]),
@@ -118,21 +136,6 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
     Ok(report)
 }
 
-/// Per object whether a coarse asset stands for it.
-fn objects_below(parts: &[Vec<usize>], objects: usize, coarse: usize) -> Vec<bool> {
-    let mut is_below = vec![false; objects];
-    let mut open = vec![coarse];
-    while let Some(coarse) = open.pop() {
-        for &part in &parts[coarse] {
-            match is_below.get_mut(part) {
-                Some(is_below) => *is_below = true,
-                None => open.push(part - objects),
-            }
-        }
-    }
-    is_below
-}
-
 fn verify_object(
     number: usize,
     object: &WorldObject,
@@ -140,17 +143,8 @@ fn verify_object(
     options: &VerifyOptions,
     seams: &mut Seams,
 ) -> ObjectReport {
-    let mut report = ObjectReport { place, ..ObjectReport::default() };
-    let asset = match open_asset(&report.place) {
-        Ok(asset) => Arc::new(asset),
-        Err(error) => {
-            report.faults.push(error.to_string());
-            return report;
-        }
-    };
-    let found = verify_asset(&asset, options);
-    let is_sound = found.ok;
-    report.asset = Some(found);
+    let (mut report, asset) = ObjectReport::begin(place, options);
+    let Some(asset) = asset else { return report };
     match WorldObject::of(object.asset.clone(), &asset) {
         Ok(actual) => {
             report.faults.extend(differences(object, &actual, "update the index with 'fantex world'"))
@@ -163,11 +157,10 @@ fn verify_object(
         report.faults.push(format!("the preview of {} is damaged; make it again", report.place.display()));
     }
     // Damaged texels would be reported a second time.
-    if is_sound {
+    if report.is_sound() {
         seams.add(number, &PageCache::new(asset, options.memory_bytes));
     }
-    report.ok = is_sound && report.faults.is_empty();
-    report
+    report.end()
 }
 
 fn verify_coarse(
@@ -177,17 +170,8 @@ fn verify_coarse(
     options: &VerifyOptions,
     seams: &Seams,
 ) -> ObjectReport {
-    let mut report = ObjectReport { place: World::place_of(index, &coarse.asset), ..ObjectReport::default() };
-    let asset = match open_asset(&report.place) {
-        Ok(asset) => Arc::new(asset),
-        Err(error) => {
-            report.faults.push(error.to_string());
-            return report;
-        }
-    };
-    let found = verify_asset(&asset, options);
-    let is_sound = found.ok;
-    report.asset = Some(found);
+    let (mut report, asset) = ObjectReport::begin(World::place_of(index, &coarse.asset), options);
+    let Some(asset) = asset else { return report };
     match coarse_of((index, world), (coarse, parts), &asset) {
         Ok(actual) => report.faults.extend(differences(
             &as_object(coarse),
@@ -203,8 +187,7 @@ fn verify_coarse(
              'fantex world --make-coarse'"
         ));
     }
-    report.ok = is_sound && report.faults.is_empty();
-    report
+    report.end()
 }
 
 /// What the index is to say of a coarse asset.
@@ -224,9 +207,7 @@ fn coarse_of(
         finer.push(open(&place)?.shared_mesh());
         detail = detail.max(known);
     }
-    let space = finer.first().map_or(asset.mesh().world_from_mesh, |mesh| mesh.world_from_mesh);
-    let finer = joined(finer.iter().map(|mesh| &**mesh), space, |p| p).mesh;
-    Ok(WorldCoarse::of(said.asset.clone(), asset, said.parts.clone(), &finer, detail))
+    Ok(measured(&said.asset, asset, said.parts.clone(), &finer, detail))
 }
 
 /// A coarse asset as an object with a preview of its detail.
@@ -263,137 +244,4 @@ fn differences(said: &WorldObject, actual: &WorldObject, remedy: &str) -> Vec<St
         compare("detail", a.detail.to_string(), b.detail.to_string());
     }
     found
-}
-
-/// The places of the ends of an edge in the world, ascending, as bits.
-type Ends = [[u64; 3]; 2];
-
-/// A border edge: what sectors of one asset have in common (mesh space, blend band, density), as bits, and its ends.
-type SeamKey = ([u64; 6], Ends);
-
-/// The texture function along a border edge: per point and channel.
-type SeamValues = Vec<Vec4>;
-
-/// Where points lie along an edge: in the middle of the blend band, and on both sides of it.
-const SEAM_POINTS: [f32; 5] = [0.02, 0.3, 0.5, 0.7, 0.98];
-
-/// Border edges that wait for their other side.
-#[derive(Default)]
-struct Seams {
-    open: HashMap<SeamKey, (usize, SeamValues)>,
-    /// Whether edges that had two sides are remembered.
-    keeps_meetings: bool,
-    /// Those edges, and the objects on both sides.
-    meetings: Vec<(Ends, [usize; 2])>,
-    edges: u64,
-    largest_jump: f32,
-    worst: Option<[usize; 2]>,
-}
-
-impl Seams {
-    fn add(&mut self, object: usize, cache: &PageCache) {
-        let mesh = cache.asset().mesh();
-        let edges = Edges::of(&mesh.triangles);
-        let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);
-        let sides: Vec<(u32, [u32; 2])> =
-            borders.filter_map(|edge| Some((edge.triangles().next()?.0, edge.vertices()))).collect();
-        let values: Vec<(SeamKey, SeamValues)> =
-            sides.into_par_iter().map(|(triangle, ends)| seam_values(cache, triangle, ends)).collect();
-        for (key, values) in values {
-            match self.open.remove(&key) {
-                Some((other, seen)) if other != object => {
-                    if self.keeps_meetings {
-                        self.meetings.push((key.1, [other, object]));
-                    }
-                    self.compare([other, object], &seen, &values);
-                }
-                Some(twice) => drop(self.open.insert(key, twice)),
-                None => drop(self.open.insert(key, (object, values))),
-            }
-        }
-    }
-
-    fn compare(&mut self, objects: [usize; 2], a: &SeamValues, b: &SeamValues) {
-        self.edges += 1;
-        let largest = match a.len() == b.len() {
-            true => a.iter().zip(b).map(|(a, b)| jump(a.to_array(), b.to_array())).fold(0.0, f32::max),
-            // Other channels.
-            false => f32::INFINITY,
-        };
-        if largest > self.largest_jump {
-            (self.largest_jump, self.worst) = (largest, Some(objects));
-        }
-    }
-}
-
-impl Seams {
-    /// How many edges a mesh lacks that stands for some of the objects: those at which one of them meets another one, which do not end
-    /// at the outline of all objects.
-    fn missing(&self, mesh: &Mesh, stands_for: &[bool]) -> usize {
-        let at_outline: HashSet<[u64; 3]> = self.open.keys().flat_map(|(_, ends)| *ends).collect();
-        let space = mesh.world_from_mesh;
-        let places: Vec<[u64; 3]> = mesh.positions.iter().map(|&p| place(&space, p)).collect();
-        let ends = |edge: Edge<'_>| sorted(edge.vertices().map(|vertex| places[vertex as usize]));
-        let own: HashSet<Ends> = Edges::of(&mesh.triangles).iter().map(ends).collect();
-        let is_border = |[a, b]: [usize; 2]| stands_for[a] != stands_for[b];
-        let borders = self.meetings.iter().filter(|(_, objects)| is_border(*objects));
-        let inner = borders.filter(|(ends, _)| !ends.iter().any(|end| at_outline.contains(end)));
-        inner.filter(|(ends, _)| !own.contains(ends)).count()
-    }
-}
-
-/// A place in the world, to the last bit.
-fn place(space: &WorldFromMesh, p: Vec3) -> [u64; 3] {
-    // Adding zero makes -0 and 0 the same.
-    space.point(p).to_array().map(|x| (x + 0.0).to_bits())
-}
-
-fn sorted(mut ends: Ends) -> Ends {
-    ends.sort_unstable();
-    ends
-}
-
-fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, SeamValues) {
-    let asset = cache.asset();
-    let (mesh, cover) = (asset.mesh(), asset.cover());
-    let space = mesh.world_from_mesh;
-    let mut ends = ends.map(|vertex| (place(&space, mesh.positions[vertex as usize]), vertex));
-    ends.sort_unstable();
-    let corners = mesh.triangles[triangle as usize];
-    let slots = ends.map(|(_, vertex)| corners.iter().position(|&corner| corner == vertex).unwrap_or(0));
-    let mut values = Vec::new();
-    for s in SEAM_POINTS {
-        let mut lambda = Vec3::ZERO;
-        lambda[slots[0]] = 1.0 - s;
-        lambda[slots[1]] = s;
-        for channel in 0..asset.channels().len() {
-            let value = cover.taps(mesh, SurfacePoint { triangle, lambda }).map(|tap| {
-                let tile = cache.tile(channel, TileId { group: tap.group, level: 0 });
-                Vec4::from(tile.bilinear(tap.uv)) * tap.weight
-            });
-            values.push(value.sum());
-        }
-    }
-    let [x, y, z] = space.offset.to_array().map(f64::to_bits);
-    let common =
-        [x, y, z, space.scale.to_bits(), cover.delta.to_bits().into(), cover.density.to_bits().into()];
-    ((common, ends.map(|(place, _)| place)), values)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_number_on_one_side_of_a_seam_only_is_a_jump() {
-        let jump_between = |a: f32, b: f32| {
-            let mut seams = Seams::default();
-            seams.compare([0, 1], &vec![Vec4::splat(a)], &vec![Vec4::new(a, a, a, b)]);
-            (seams.largest_jump, seams.worst)
-        };
-        assert_eq!(jump_between(0.25, 0.25), (0.0, None));
-        assert_eq!(jump_between(0.25, 0.75), (0.5, Some([0, 1])));
-        assert_eq!(jump_between(0.25, f32::NAN), (1.0, Some([0, 1])));
-        assert_eq!(jump_between(f32::NAN, f32::NAN), (0.0, None));
-    }
 }

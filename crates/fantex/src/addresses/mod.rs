@@ -1,5 +1,8 @@
 //! Places that are addresses: results that go to object stores, and assets there that are changed.
 
+pub(crate) mod staging;
+pub(crate) mod upload;
+
 use std::error::Error as _;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write as _};
@@ -14,7 +17,7 @@ use fantex_store::{Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
-use crate::staging::{SendTarget, Staging};
+use self::staging::{SendTarget, Staging};
 
 /// Bytes of an object that are fetched at once, over several connections.
 const FETCHED_AT_ONCE: u64 = 24 << 20;

@@ -1,13 +1,19 @@
 //! From a mesh and a source of colour to an asset.
 
+pub(crate) mod channels;
+pub(crate) mod materials;
+#[cfg(feature = "http")]
+mod merge;
 #[cfg(feature = "export")]
 mod model;
-mod more_channels;
 mod observer;
+mod own_materials;
 mod parts;
 #[cfg(feature = "photos")]
 mod photos;
+mod refined;
 mod source;
+mod transfer;
 
 use std::borrow::Cow;
 use std::cell::RefCell;
@@ -15,29 +21,34 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, NoProgress, Progress, Source as BakeSource,
-    TransferOptions, TransferSource, VertexColorSource, bake, bake_part, plan_bake,
+    BakeFormat, BakeOptions, BakeSummary, Fit, NoProgress, Progress, Source as BakeSource, bake, bake_part,
+    plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
-use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted, grouped};
+use fantex_base::{Error, ReadLimits, Result};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_store::{ChannelKind, Plan, Quality, Recipe};
-use fantex_texture::material::{LeftOut, MaterialTextures, load_material_textures};
+use fantex_texture::material::LeftOut;
 use glam::Vec4;
 
 #[cfg(feature = "export")]
 use fantex_export::ExportOptions;
+#[cfg(feature = "http")]
+pub use merge::{Merge, Merged};
+pub use own_materials::OwnLook;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
+pub use refined::{LongestEdge, budget_texels};
 pub use source::Source;
 
-use self::more_channels::WithChannels;
+use self::channels::FilledChannels;
+use self::materials::without_textures;
 use self::observer::Observer;
+use self::own_materials::MANY_TEXELS;
 use self::source::Kind;
-use crate::asset_materials::{AssetChannels, of_transfer, without_textures};
 use crate::look_scene::{LookBake, MaterialResolver};
-use crate::{Asset, FileKind, LongestEdge, Mesh, budget_texels};
+use crate::{Asset, FileKind, Mesh};
 
 /// How many texels, before the mesh and the source are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +64,24 @@ enum Budget {
 /// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
 ///
 /// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
-/// density (small ones get up to 16 texels for each of theirs, 262 144 in all), and everything else gets [`Baker::default_texels`]. A model that repeats its textures gets at most 16 million, or twice the
-/// texels of its images, and a note.
+/// density (small ones get up to 16 texels for each of theirs, 262 144 in all), and everything else gets [`Baker::default_texels`]. A model
+/// that repeats its textures gets at most 16 million, or twice the texels of its images, and a note.
+///
+/// ```
+/// use fantex::bake::TexelPoint;
+/// use fantex::glam::Vec4;
+/// use fantex::{Baker, Mesh, Source};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("stripes.fan");
+/// let mesh = Mesh::from_triangles(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[[0, 1, 2]])?;
+/// let stripes = |point: &TexelPoint| Vec4::splat((20.0 * point.position.x).sin().abs());
+/// let baked = Baker::new(&mesh).source(Source::function(stripes)).texels(10_000).write(&path)?;
+/// println!("{} texels in {} tiles", baked.summary.texels, baked.cover.groups);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug)]
 #[must_use = "nothing is baked before `write`"]
 pub struct Baker<'a> {
@@ -75,19 +102,6 @@ pub struct Baker<'a> {
 impl<'a> Baker<'a> {
     /// Texels where nothing else says how many, not even [`default_texels`](Self::default_texels).
     pub const DEFAULT_TEXELS: u64 = 4_000_000;
-
-    /// More texels than this, which nobody asked for, are worth a note.
-    const MANY_TEXELS: u64 = 64_000_000;
-
-    /// A model that shows parts of its images again and again gets no more than so many texels by itself, or twice those of its images.
-    const REPEATED_TEXELS: u64 = 16_000_000;
-
-    /// Small textures get up to [`CRISP_TEXELS`](Self::CRISP_TEXELS) for each of theirs, as long as these are not more than so many: with one
-    /// each, turned against theirs, what is a few texels wide would be blurred.
-    const FEW_TEXELS: f64 = (1 << 18) as f64;
-
-    /// Texels for each of an image's whose texels are to appear as squares: edges a quarter as wide as a square look crisp.
-    const CRISP_TEXELS: f64 = 16.0;
 
     /// A baker for a mesh.
     pub fn new(mesh: &'a Mesh) -> Self {
@@ -196,20 +210,6 @@ impl<'a> Baker<'a> {
     /// bake was ended.
     pub fn write(self, path: impl AsRef<Path>) -> Result<Baked> {
         self.reach(&Goal::Asset(path.as_ref()))
-    }
-
-    /// What the model's own materials are like, before anything is covered or baked.
-    ///
-    /// # Errors
-    /// An image takes more memory than there is, or a disk fails.
-    pub fn own_look(&self) -> Result<OwnLook> {
-        let source = LookSource::of_model(self.mesh)?;
-        let own = OwnTexels::of(self.mesh, &source);
-        Ok(OwnLook {
-            channels: source.channels().iter().map(|channel| channel.kind).collect(),
-            texels: own.as_ref().map(|own| own.given() as u64),
-            is_limited: own.is_some_and(|own| own.given() < own.texels),
-        })
     }
 
     /// Covers the model as [`write`](Self::write) does, and bakes nothing.
@@ -333,30 +333,6 @@ impl<'a> Baker<'a> {
         }
     }
 
-    /// Bakes the model's materials.
-    fn own_materials(&self, goal: &Goal<'_>) -> Result<Baked> {
-        let model: &fantex_mesh::Mesh = self.mesh;
-        let (textures, left_out) = load_material_textures(model)?;
-        let source = LookSource::of_decoded(model, textures.clone());
-        let own = OwnTexels::of(model, &source);
-        let is_default = self.budget == Budget::Default;
-        let share = own.as_ref().filter(|_| is_default).map_or(1.0, OwnTexels::given_share);
-        // Before the mesh is cut and covered, which takes its time.
-        self.leave_out(&left_out, goal)?;
-        let mut notes = if goal.is_part() { Vec::new() } else { left_out.notes() };
-        notes.iter().for_each(|note| self.progress.progress.note(note));
-        if let (Some(own), false) = (&own, goal.is_part()) {
-            notes.extend(self.note_of_squares(&source, own, share));
-            if is_default {
-                notes.extend(self.note_of_repeats(own));
-                notes.extend(self.note_of_many(own.given() as u64));
-            }
-        }
-        let mut baked = self.textured(model, source, share, textures, goal)?;
-        baked.notes.splice(0..0, notes);
-        Ok(Baked { left_out, ..baked })
-    }
-
     /// Takes a model without some of its images. All who bake a plan have to have the same ones.
     ///
     /// # Errors
@@ -371,84 +347,6 @@ impl<'a> Baker<'a> {
         Ok(())
     }
 
-    /// Says that a model gets fewer texels than its images have wherever they are shown, if it does.
-    fn note_of_repeats(&self, own: &OwnTexels) -> Option<String> {
-        let millions = |texels: f64| (texels / 1e6) as u64;
-        let note = format!(
-            "the model shows parts of its textures again and again: at their own density these were about {} million texels; it is given \
-             about {} million, unless a number of texels or the density of its textures is asked for",
-            millions(own.texels),
-            millions(own.given())
-        );
-        let note = Some(note).filter(|_| own.given() < own.texels);
-        note.iter().for_each(|note| self.progress.progress.note(note));
-        note
-    }
-
-    /// Says that texels which are to appear as squares are blended, unless there are enough to hide it. `share`: of their density that
-    /// they get where nothing else is asked for.
-    fn note_of_squares(&self, source: &LookSource<'_>, own: &OwnTexels, share: f32) -> Option<String> {
-        let density = scaled(&own.density, share);
-        let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(&density)));
-        let own = own.texels;
-        // Whoever gives a rounded number has heard the note.
-        let materials =
-            if asked < 0.5 * Self::CRISP_TEXELS * own { source.square_texel_materials() } else { 0 };
-        let note = format!(
-            "the textures of {} are to appear as squares (nearest filtering), but what is baked is blended between texels: edges of squares \
-             are as soft as a texel is wide; about {} texels, {} per texel of the textures, make them crisp",
-            counted(materials, "material"),
-            grouped(rounded(Self::CRISP_TEXELS * own), ' '),
-            Self::CRISP_TEXELS
-        );
-        let note = Some(note).filter(|_| materials > 0);
-        note.iter().for_each(|note| self.progress.progress.note(note));
-        note
-    }
-
-    /// Says that a number of texels, which nobody asked for, is large, if it is.
-    fn note_of_many(&self, texels: u64) -> Option<String> {
-        let millions = texels / 1_000_000;
-        let note = format!(
-            "at the density of the model's own textures these are about {millions} million texels; a number of texels may be given instead"
-        );
-        let note = Some(note).filter(|_| texels > Self::MANY_TEXELS);
-        note.iter().for_each(|note| self.progress.progress.note(note));
-        note
-    }
-
-    /// Cuts a model and bakes its materials. `share`: of the density of the textures, which are those of the source.
-    fn textured(
-        &self,
-        model: &fantex_mesh::Mesh,
-        source: LookSource<'_>,
-        share: f32,
-        textures: Vec<MaterialTextures>,
-        goal: &Goal<'_>,
-    ) -> Result<Baked> {
-        let cuts = self.cuts(goal);
-        let tangents = source.normal_map_tangents();
-        let density =
-            |source: &LookSource<'_>| source.has_textures().then(|| scaled(&source.density(), share));
-        if cuts.leaves_whole(model, self.tile) {
-            return self.bake(model, &source, density(&source), goal);
-        }
-        // Normal maps were made for the axes of the whole triangles.
-        let mut framed = Cow::Borrowed(model);
-        if model.corners.tangents.is_empty() && !tangents.is_empty() {
-            framed.to_mut().corners.tangents = tangents.to_vec();
-        }
-        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_deref())? else {
-            return self.bake(model, &source, density(&source), goal);
-        };
-        let mut cut = framed.clone();
-        if model.corners.tangents.is_empty() {
-            cut.corners.tangents.clear();
-        }
-        let source = LookSource::of_decoded(&framed, textures);
-        self.bake(&cut, &source, density(&source), goal)
-    }
-
     /// Covers the mesh and bakes. `own_density`: texels per mesh unit of the source's own texels, per triangle, where it has any.
     fn bake(
         &self,
@@ -458,7 +356,7 @@ impl<'a> Baker<'a> {
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
-        let with_channels = WithChannels::of(source, mesh, &self.channels);
+        let with_channels = FilledChannels::of(source, mesh, &self.channels);
         let source = with_channels.as_ref().map_or(source, |with| with as &dyn BakeSource);
         if let (Budget::Matching, None) = (self.budget, &own_density) {
             return Err(Error::invalid(
@@ -482,45 +380,16 @@ impl<'a> Baker<'a> {
             };
         }
         // Larger numbers were told of before.
-        let is_told = is_own_density && budget_texels(mesh, &budget) > Self::MANY_TEXELS as f64;
+        let is_told = is_own_density && budget_texels(mesh, &budget) > MANY_TEXELS as f64;
         let started = Instant::now();
         let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
-        let cut_creases = source.jumps_at_creases();
-        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
-        let (cover, stats) = match goal {
-            Goal::Part(plan, ..) => {
-                let groups = plan.cover.groups.len() as u64;
-                (Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() })
-            }
-            _ => {
-                let (cover, stats) =
-                    self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))?;
-                (Cow::Owned(cover), stats)
-            }
-        };
+        let (cover, stats) = self.cover_of(mesh, budget, source, goal)?;
         self.progress.end_covering();
         let cover_time = started.elapsed();
         let untold = if is_own_density && !is_told { stats.texels } else { 0 };
         let notes = Vec::from_iter(self.note_of_many(untold));
         self.check_cancelled()?;
-        let summary = match *goal {
-            Goal::Cover(found) => {
-                found.replace(Some((mesh.clone(), cover.into_owned())));
-                BakeSummary::default()
-            }
-            Goal::Plan(path, about, recipe) => {
-                let recipe = &mut *recipe.borrow_mut();
-                self.add_files(recipe)?;
-                plan_bake(mesh, &cover, source, path, &self.options, recipe, about)?
-            }
-            Goal::Part(plan, shard, path, recipe) => {
-                let recipe = &mut *recipe.borrow_mut();
-                self.add_files(recipe)?;
-                plan.check_recipe(recipe)?;
-                bake_part(mesh, plan, shard, source, path, &self.options, self.progress.progress)?
-            }
-            _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.progress)?,
-        };
+        let summary = self.fill(mesh, cover, source, goal)?;
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
             texels_asked,
@@ -534,6 +403,52 @@ impl<'a> Baker<'a> {
             #[cfg(feature = "export")]
             exported: None,
         })
+    }
+
+    /// Covers the mesh, unless its plan has done so.
+    fn cover_of<'g>(
+        &self,
+        mesh: &fantex_mesh::Mesh,
+        budget: TexelBudget,
+        source: &dyn BakeSource,
+        goal: &Goal<'g>,
+    ) -> Result<(Cow<'g, Cover>, CoverStats)> {
+        if let Goal::Part(plan, ..) = *goal {
+            let groups = plan.cover.groups.len() as u64;
+            return Ok((Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() }));
+        }
+        let cut_creases = source.jumps_at_creases();
+        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
+        let (cover, stats) = self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))?;
+        Ok((Cow::Owned(cover), stats))
+    }
+
+    /// Fills the tiles of a cover, as far as the goal needs them.
+    fn fill(
+        &self,
+        mesh: &fantex_mesh::Mesh,
+        cover: Cow<'_, Cover>,
+        source: &dyn BakeSource,
+        goal: &Goal<'_>,
+    ) -> Result<BakeSummary> {
+        match *goal {
+            Goal::Cover(found) => {
+                found.replace(Some((mesh.clone(), cover.into_owned())));
+                Ok(BakeSummary::default())
+            }
+            Goal::Plan(path, about, recipe) => {
+                let recipe = &mut *recipe.borrow_mut();
+                self.add_files(recipe)?;
+                plan_bake(mesh, &cover, source, path, &self.options, recipe, about)
+            }
+            Goal::Part(plan, shard, path, recipe) => {
+                let recipe = &mut *recipe.borrow_mut();
+                self.add_files(recipe)?;
+                plan.check_recipe(recipe)?;
+                bake_part(mesh, plan, shard, source, path, &self.options, self.progress.progress)
+            }
+            _ => bake(mesh, &cover, source, goal.path(), &self.options, self.progress.progress),
+        }
     }
 
     fn check_cancelled(&self) -> Result<()> {
@@ -572,69 +487,6 @@ impl<'a> Baker<'a> {
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
             (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
         }
-    }
-
-    /// Bakes another model's look and shape.
-    fn transfer_model(&self, detailed: &Mesh, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_mesh("the other model", detailed));
-        let (materials, vertices);
-        let mut left_out = LeftOut::default();
-        let colors: Option<&dyn BakeSource> = if detailed.has_materials() {
-            materials = LookSource::of_model(detailed)?;
-            left_out.clone_from(materials.left_out());
-            Some(&materials)
-        } else if detailed.has_vertex_colors() {
-            vertices = VertexColorSource::new(detailed)?;
-            Some(&vertices)
-        } else {
-            None
-        };
-        self.leave_out(&left_out, goal)?;
-        let named = |note: &String| format!("{}: {note}", detailed.path().display());
-        let lacking = left_out.notes();
-        let notes: Vec<String> = detailed.notes().iter().chain(&lacking).map(named).collect();
-        let detail = (colors, detailed.has_materials());
-        let baked = self.transfer(detailed, detail, detailed.path(), cage, goal)?;
-        Ok(Baked { notes: notes.into_iter().chain(baked.notes).collect(), left_out, ..baked })
-    }
-
-    /// Bakes what another asset holds, and its shape.
-    fn transfer_asset(&self, asset: &Asset, cage: Option<f64>, goal: &Goal<'_>) -> Result<Baked> {
-        goal.recipe().iter().for_each(|recipe| recipe.borrow_mut().add_asset("the other asset", asset));
-        let source = AssetChannels::all_of(asset.shared(), self.options.memory_bytes / 4);
-        self.transfer(asset.mesh(), (Some(&source), true), asset.path(), cage, goal)
-    }
-
-    /// Bakes the shape of a mesh and a source on it, and says how well the two meshes fit. With the source: whether it is what the mesh's materials show.
-    fn transfer(
-        &self,
-        detailed: &fantex_mesh::Mesh,
-        (detail, of_materials): (Option<&dyn BakeSource>, bool),
-        path: &Path,
-        cage: Option<f64>,
-        goal: &Goal<'_>,
-    ) -> Result<Baked> {
-        let mesh = self.refined(self.mesh, self.cuts(goal), None)?;
-        let mesh = if of_materials { of_transfer(&mesh, detailed) } else { without_textures(&mesh) };
-        let options = TransferOptions { cage, ..TransferOptions::default() };
-        let source = TransferSource::new(&mesh, detailed, detail, &options)?;
-        let baked = self.bake(&mesh, &source, None, goal);
-        let mut baked = baked.map_err(|error| match error.kind() {
-            ErrorKind::Damaged => error.in_file(path),
-            _ => error,
-        })?;
-        let report = source.report();
-        // Single points at rims say nothing.
-        if report.missed > report.points / 1000 {
-            baked.notes.push(format!(
-                "{}: {:.1} % of the points found nothing within the cage of {} world units along their normal and took the \
-                 nearest point; where that is wrong, give a longer cage",
-                path.display(),
-                100.0 * report.missed as f64 / report.points as f64,
-                in_three_digits(report.cage)
-            ));
-        }
-        Ok(baked)
     }
 }
 
@@ -676,18 +528,6 @@ impl<'g> Goal<'g> {
             Self::Model(..) => LongestEdge::Texels(0),
         }
     }
-}
-
-/// What a model's own materials are like.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[non_exhaustive]
-pub struct OwnLook {
-    /// The channels that they give.
-    pub channels: Vec<ChannelKind>,
-    /// How many texels a bake gets by itself, nearly, where the model has textures.
-    pub texels: Option<u64>,
-    /// Whether these are fewer than at the density of the textures, as the model shows parts of them again and again.
-    pub is_limited: bool,
 }
 
 /// What a bake would cover, and how.
@@ -743,59 +583,6 @@ fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
     )))
 }
 
-/// Texels of a model's own textures on it.
-struct OwnTexels {
-    /// Of each triangle, texels per mesh unit.
-    density: Vec<f32>,
-    /// In all.
-    texels: f64,
-    /// What it gets at most by itself.
-    most: f64,
-}
-
-impl OwnTexels {
-    /// None of a model without textures.
-    fn of(mesh: &fantex_mesh::Mesh, source: &LookSource<'_>) -> Option<Self> {
-        let density = source.has_textures().then(|| source.density())?;
-        let texels = budget_texels(mesh, &TexelBudget::PerTriangle(density.clone()));
-        let most = Baker::REPEATED_TEXELS.max(2 * source.image_texels()) as f64;
-        Some(Self { density, texels, most })
-    }
-
-    /// How many texels it gets by itself.
-    fn given(&self) -> f64 {
-        let least = (Baker::CRISP_TEXELS * self.texels).min(Baker::FEW_TEXELS);
-        self.texels.max(least).min(self.most)
-    }
-
-    /// Of the density, which may be more than one.
-    fn given_share(&self) -> f32 {
-        let share = (self.given() / self.texels).sqrt() as f32;
-        if share.is_finite() { share } else { 1.0 }
-    }
-}
-
-/// All densities times a factor.
-fn scaled(density: &[f32], factor: f32) -> Vec<f32> {
-    density.iter().map(|density| density * factor).collect()
-}
-
-/// A length to three digits, whatever its unit.
-fn in_three_digits(length: f64) -> String {
-    let power = if length > 0.0 { length.log10().floor() as i32 } else { 0 };
-    let decimals = (2 - power).max(0) as usize;
-    match power {
-        -4..=5 => format!("{length:.decimals$}"),
-        _ => format!("{length:.2e}"),
-    }
-}
-
-/// A count to two digits, not less than it.
-fn rounded(count: f64) -> u64 {
-    let unit = 10_f64.powi(count.max(10.0).log10() as i32 - 1);
-    (unit * (count / unit).ceil()) as u64
-}
-
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -832,25 +619,5 @@ mod tests {
             assert!(baker.write(folder.path().join("torus.fan")).unwrap_err().is_cancelled());
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
-    }
-
-    #[test]
-    fn small_textures_get_more_texels_than_they_have() {
-        let own = |texels: f64| OwnTexels { density: Vec::new(), texels, most: 1e6 };
-        for (texels, given) in
-            [(1e3, 16e3), (16_384.0, 262_144.0), (1e5, 262_144.0), (4e5, 4e5), (1e6, 1e6), (4e6, 1e6)]
-        {
-            let own = own(texels);
-            assert_eq!(own.given(), given);
-            assert!((f64::from(own.given_share()).powi(2) * texels / given - 1.0).abs() < 1e-6);
-        }
-        // Textures of which a point is shown have no density.
-        assert_eq!((own(0.0).given(), own(0.0).given_share()), (0.0, 1.0));
-    }
-
-    #[test]
-    fn lengths_have_three_digits_in_every_unit() {
-        let said = [0.021, 1.0, 87.83, 4321.4, 8.783e7, 2.5e-9, 0.0].map(in_three_digits);
-        assert_eq!(said, ["0.0210", "1.00", "87.8", "4321", "8.78e7", "2.50e-9", "0.00"]);
     }
 }
