@@ -10,7 +10,9 @@ use crate::color::{
     linear_from_srgb, linear_from_srgb8_table, linear_from_srgb16_table, srgb_from_linear, srgb8_from_linear,
     srgb16_from_linear, unorm8, unorm16,
 };
-use crate::filter::{Kernel, TexelSource, catmull_rom_weights, resolve, stored_channels, with_texels};
+use crate::filter::{
+    Kernel, TexelSource, catmull_rom_weights, filled_rows, resolve, stored_channels, with_texels,
+};
 
 /// How the numbers of a colour channel encode light. Alpha is always linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
@@ -284,16 +286,13 @@ impl Kernel for AlongRows<'_> {
 
     fn run<T: TexelSource>(self, texels: T) -> Vec<Vec4> {
         let width = self.image.width as usize;
-        (0..self.image.height as usize)
-            .into_par_iter()
-            .flat_map_iter(|row| {
-                self.columns.iter().map(move |column| {
-                    let first = row * width + column.first;
-                    let old = column.weights.iter().enumerate();
-                    old.map(|(x, &weight)| texels.fetch(first + x) * weight).sum::<Vec4>()
-                })
-            })
-            .collect()
+        filled_rows(self.columns.len(), self.image.height as usize, &|row, sums| {
+            for (sum, column) in sums.iter_mut().zip(self.columns) {
+                let first = row * width + column.first;
+                let old = column.weights.iter().enumerate();
+                *sum = old.map(|(x, &weight)| texels.fetch(first + x) * weight).sum();
+            }
+        })
     }
 }
 

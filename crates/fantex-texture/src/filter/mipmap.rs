@@ -142,16 +142,16 @@ impl Kernel for Halve<'_> {
             stored_channels(resolve(sum, self.alpha), channels)
         };
         let samples = if self.is_fixed_point {
-            Samples::U16(fill_rows(width * channels, &rows, |row, out| {
+            Samples::U16(filled_rows(width * channels, height, &|row, out| {
                 for (out, column) in out.chunks_exact_mut(channels).zip(&columns) {
-                    let value = texel(row, column);
+                    let value = texel(&rows[row], column);
                     out.iter_mut().zip(value).for_each(|(out, value)| *out = unorm16(value));
                 }
             }))
         } else {
-            Samples::F32(fill_rows(width * channels, &rows, |row, out| {
+            Samples::F32(filled_rows(width * channels, height, &|row, out| {
                 for (out, column) in out.chunks_exact_mut(channels).zip(&columns) {
-                    let value = texel(row, column);
+                    let value = texel(&rows[row], column);
                     out.copy_from_slice(&value[..channels]);
                 }
             }))
@@ -171,14 +171,16 @@ pub(crate) fn stored_channels([r, g, b, a]: [f32; 4], channels: usize) -> [f32; 
     if channels == 2 { [r, a, 0.0, 0.0] } else { [r, g, b, a] }
 }
 
-fn fill_rows<S: Copy + Default + Send>(
-    row_len: usize,
-    rows: &[Overlap],
-    fill: impl Fn(&Overlap, &mut [S]) + Sync,
+/// `count` rows of `len` values each, filled in parallel: `fill` gets a row's number and its values. A kernel is compiled for every
+/// kind of texels; what runs it in parallel is not.
+pub(crate) fn filled_rows<S: Copy + Default + Send>(
+    len: usize,
+    count: usize,
+    fill: &(dyn Fn(usize, &mut [S]) + Sync),
 ) -> Vec<S> {
-    let mut samples = vec![S::default(); row_len * rows.len()];
-    samples.par_chunks_mut(row_len).zip(rows).for_each(|(out, row)| fill(row, out));
-    samples
+    let mut values = vec![S::default(); len * count];
+    values.par_chunks_mut(len).enumerate().for_each(|(row, out)| fill(row, out));
+    values
 }
 
 #[cfg(test)]

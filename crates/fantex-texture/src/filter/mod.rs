@@ -24,7 +24,7 @@ pub(crate) use area::{AreaBlock, AreaPlan};
 pub(crate) use batch::{BLOCK, Colors, LookUp, Probes, Steps, Workspace};
 pub(crate) use batch_texels::Levels;
 pub(crate) use footprint::{LevelPair, ewa};
-pub(crate) use mipmap::{build_levels, halved_axis, stored_channels};
+pub(crate) use mipmap::{build_levels, filled_rows, halved_axis, stored_channels};
 pub(crate) use taps::wrap_index;
 pub(crate) use taps::{
     Kernel, Reconstruction, TRANSPARENT_WEIGHT, Taps, TexelSource, TexelUse, bilinear, bilinear_reference,

@@ -15,7 +15,8 @@ use rayon::prelude::*;
 
 use crate::color::unorm16;
 use crate::filter::{
-    Kernel, Overlap, Reconstruction, Taps, TexelSource, halved_axis, resolve, stored_channels, with_samples,
+    Kernel, Overlap, Reconstruction, Taps, TexelSource, filled_rows, halved_axis, resolve, stored_channels,
+    with_samples,
 };
 use crate::{AlphaUse, ColorSpace, Depth, Filtering, Image, Samples, ShadingPoint, Texture, Wrap};
 
@@ -225,18 +226,21 @@ impl Kernel for Halve<'_> {
             }
             stored_channels(resolve(sum, self.alpha), channels)
         };
-        // In parallel over all rows of all slices.
-        let value_rows = (0..slices.len() * rows.len()).into_par_iter().flat_map_iter(|index| {
+        debug_assert_eq!(self.size.map(|side| side as usize), [columns.len(), rows.len(), slices.len()]);
+        // All rows of all slices.
+        let (len, count) = (columns.len() * channels, slices.len() * rows.len());
+        let row = |index: usize| {
             let (slice, row) = (&slices[index / rows.len()], &rows[index % rows.len()]);
-            let columns = &columns;
             let voxel = &voxel;
             columns.iter().flat_map(move |column| voxel(slice, row, column).into_iter().take(channels))
-        });
-        debug_assert_eq!(self.size.map(|side| side as usize), [columns.len(), rows.len(), slices.len()]);
-        if self.depth == Depth::U16 {
-            Samples::U16(value_rows.map(unorm16).collect())
-        } else {
-            Samples::F32(value_rows.collect())
+        };
+        match self.depth {
+            Depth::U16 => Samples::U16(filled_rows(len, count, &|index, out| {
+                out.iter_mut().zip(row(index)).for_each(|(out, value)| *out = unorm16(value));
+            })),
+            _ => Samples::F32(filled_rows(len, count, &|index, out| {
+                out.iter_mut().zip(row(index)).for_each(|(out, value)| *out = value);
+            })),
         }
     }
 }
