@@ -368,6 +368,8 @@ pub enum Act {
     /// A step that is done at once.
     Do(Step),
     /// Nothing, but the next frame is wanted.
+    NextFrame,
+    /// Nothing: what is waited for is done elsewhere, and takes its time.
     Wait,
     /// End with exit code 0.
     End,
@@ -389,6 +391,8 @@ struct Wait {
     /// A file that must be there, too.
     file: Option<PathBuf>,
     frame: u64,
+    /// No frame need be drawn for it.
+    is_patient: bool,
     since: f64,
     seconds: f64,
     /// What is said where it takes longer.
@@ -408,10 +412,12 @@ impl SessionRunner {
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
         if let Some(wait) = &self.wait {
             if !wait.is_met(now) {
-                return match now.seconds - wait.since > wait.seconds {
-                    true => Err(at_step(self.number, format!("after {} s {}", wait.seconds, wait.problem))),
-                    false => Ok(Act::Wait),
-                };
+                if now.seconds - wait.since > wait.seconds {
+                    let reason = format!("after {} s {}", wait.seconds, wait.problem);
+                    return Err(at_step(self.number, reason));
+                }
+                let is_patient = wait.is_patient && now.frame >= wait.frame && !now.is_acting;
+                return Ok(if is_patient { Act::Wait } else { Act::NextFrame });
             }
             self.wait = None;
         }
@@ -423,13 +429,13 @@ impl SessionRunner {
             Step::ExpectMessage(_) | Step::ExpectPainting { .. } => {
                 return match contradiction(&step, now) {
                     Some(reason) => Err(at_step(self.number, reason)),
-                    None => Ok(Act::Wait),
+                    None => Ok(Act::NextFrame),
                 };
             }
             _ => {}
         }
         let wait = Wait::of(&step, now);
-        let act = if wait.is_some() { Act::Wait } else { Act::Do(step.clone()) };
+        let act = if wait.is_some() { Act::NextFrame } else { Act::Do(step.clone()) };
         self.wait = wait.or_else(|| Some(Wait::after(&step, now)));
         Ok(act)
     }
@@ -447,6 +453,7 @@ impl Wait {
             is_over: |_| true,
             file: None,
             frame: now.frame + u64::from(count),
+            is_patient: false,
             since: now.seconds,
             seconds: f64::INFINITY,
             problem: "",
@@ -460,7 +467,12 @@ impl Wait {
         (seconds, problem): (f64, &'static str),
         now: &Situation,
     ) -> Self {
-        Self { is_over, seconds, problem, ..Self::frames(frames, now) }
+        Self { is_over, is_patient: true, seconds, problem, ..Self::frames(frames, now) }
+    }
+
+    /// The same, while frames are drawn.
+    fn with_frames(self) -> Self {
+        Self { is_patient: false, ..self }
     }
 
     /// What a step is for that only waits; none of others.
@@ -475,8 +487,10 @@ impl Wait {
                 let is_sharp = |now: &Situation| !now.is_opening && now.is_sharp;
                 Self::until(is_sharp, 3, (*seconds, "the picture was not sharp"), now)
             }
+            // It may be over soon.
             Step::WaitWorking(seconds) => {
-                Self::until(|now| now.is_working, 0, (*seconds, "nothing that takes long was under way"), now)
+                let problem = "nothing that takes long was under way";
+                Self::until(|now| now.is_working, 0, (*seconds, problem), now).with_frames()
             }
             Step::WaitExported(seconds) => {
                 Self::until(|now| !now.is_exporting, 0, (*seconds, "it was still being exported"), now)
@@ -502,12 +516,13 @@ impl Wait {
     fn after(step: &Step, now: &Situation) -> Self {
         const FOREVER: (f64, &str) = (f64::INFINITY, "");
         match step {
+            // A picture of the window comes with a frame.
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
                 let patience = (PICTURE_SECONDS, "the picture was not written");
-                Self::until(|now| now.pictures_due == 0, 0, patience, now)
+                Self::until(|now| now.pictures_due == 0, 0, patience, now).with_frames()
             }
             Step::Hold { frames, .. } => Self::frames(*frames, now),
-            Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now),
+            Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now).with_frames(),
             Step::Stroke { .. } => Self::until(|now| !now.is_acting, 2, FOREVER, now),
             // What it changes is there in the next frame.
             _ => Self::frames(2, now),

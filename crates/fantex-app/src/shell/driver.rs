@@ -18,11 +18,16 @@ use crate::viewer::{PathState, PictureSize, Request, Viewer};
 /// Frames over which a drag is spread.
 const DRAG_FRAMES: u32 = 6;
 
+/// Seconds after which it is looked again whether what takes its time is done.
+const LOOK_SECONDS: f32 = 0.03;
+
 /// A session at work.
 pub(super) struct Driver {
     runner: SessionRunner,
     frame: u64,
     input: InputQueue,
+    /// Nothing is done before work elsewhere is.
+    is_waiting: bool,
 }
 
 /// Keys and mouse of the session.
@@ -40,7 +45,7 @@ struct InputQueue {
 
 impl Driver {
     pub(super) fn new(runner: SessionRunner) -> Self {
-        Self { runner, frame: 0, input: InputQueue::default() }
+        Self { runner, frame: 0, input: InputQueue::default(), is_waiting: false }
     }
 
     /// Does what is next. Returns whether there is more to do.
@@ -74,12 +79,22 @@ impl Driver {
             pictures_due: pictures_due + self.input.coming.len(),
             messages: viewer.notices.log().map(str::to_owned).collect(),
         };
-        match self.runner.next(&situation)? {
-            Act::Wait => {}
+        let act = self.runner.next(&situation)?;
+        self.is_waiting = act == Act::Wait;
+        match act {
+            Act::NextFrame | Act::Wait => {}
             Act::End => return Ok(false),
             Act::Do(step) => self.act(ctx, viewer, step)?,
         }
         Ok(true)
+    }
+
+    /// Asks for the next frame. While the session waits, the processor's time is left to what it waits for.
+    pub(super) fn wake(&self, ctx: &egui::Context) {
+        match self.is_waiting {
+            true => ctx.request_repaint_after_secs(LOOK_SECONDS),
+            false => ctx.request_repaint(),
+        }
     }
 
     /// Does a step; fails where it names what is not there.

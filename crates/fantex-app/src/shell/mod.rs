@@ -354,7 +354,7 @@ impl<'a> Shell<'a> {
 
     /// Asks for the next frame where something goes on.
     fn wake(&self, ctx: &egui::Context, goes_on: bool) {
-        if goes_on || self.workspace.driver.is_some() {
+        if goes_on {
             ctx.request_repaint();
         } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
             ctx.request_repaint_after_secs(0.016);
@@ -466,8 +466,8 @@ impl eframe::App for Shell<'_> {
         self.answers();
         self.save_pictures(ctx);
         self.drive(ctx);
-        if self.workspace.driver.is_some() {
-            ctx.request_repaint();
+        if let Some(driver) = &self.workspace.driver {
+            driver.wake(ctx);
         }
     }
 

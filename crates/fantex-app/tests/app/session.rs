@@ -41,16 +41,17 @@ fn wrong_sessions_are_refused_in_a_sentence() {
 fn steps_wait_for_what_they_asked_for() {
     let text = r#"{"steps":[{"wait_frames":2},{"screenshot":{"path":"a.png"}},{"wait_sharp":60},"quit"]}"#;
     let mut runner = SessionRunner::new(session(text).unwrap());
-    assert_eq!(runner.next(&at(0)).unwrap(), Act::Wait);
-    assert_eq!(runner.next(&at(1)).unwrap(), Act::Wait);
+    assert_eq!(runner.next(&at(0)).unwrap(), Act::NextFrame);
+    assert_eq!(runner.next(&at(1)).unwrap(), Act::NextFrame);
     assert!(matches!(runner.next(&at(2)).unwrap(), Act::Do(Step::Screenshot { .. })));
-    assert_eq!(runner.next(&Situation { pictures_due: 1, ..at(3) }).unwrap(), Act::Wait);
-    assert_eq!(runner.next(&at(4)).unwrap(), Act::Wait);
+    assert_eq!(runner.next(&Situation { pictures_due: 1, ..at(3) }).unwrap(), Act::NextFrame);
+    assert_eq!(runner.next(&at(4)).unwrap(), Act::NextFrame);
     assert_eq!(
         runner.next(&Situation { is_sharp: true, ..at(5) }).unwrap(),
-        Act::Wait,
+        Act::NextFrame,
         "of the frame before"
     );
+    assert_eq!(runner.next(&at(7)).unwrap(), Act::Wait, "no frame need be drawn for it");
     assert_eq!(runner.next(&Situation { is_sharp: true, ..at(8) }).unwrap(), Act::End);
 }
 
@@ -58,7 +59,7 @@ fn steps_wait_for_what_they_asked_for() {
 fn waits_end() {
     let mut runner = SessionRunner::new(session(r#"{"steps":[{"wait_loaded":1}]}"#).unwrap());
     let opening = |frame| Situation { is_opening: true, ..at(frame) };
-    assert_eq!(runner.next(&opening(0)).unwrap(), Act::Wait);
+    assert_eq!(runner.next(&opening(0)).unwrap(), Act::NextFrame);
     assert_eq!(runner.next(&opening(10)).unwrap(), Act::Wait);
     let late = runner.next(&opening(11)).unwrap_err().to_string();
     assert!(late.contains("step 1") && late.contains("still being opened"), "{late}");
