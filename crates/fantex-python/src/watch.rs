@@ -25,9 +25,10 @@ pyo3::create_exception!(
 );
 
 /// Flags and commands in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 25] = [
+const ARGUMENTS: [(&str, &str); 26] = [
     ("'fantex world --make-coarse'", "fantex.make_world(..., make_coarse=True)"),
     ("'fantex split'", "fantex.split"),
+    ("'fantex bake --weld'", "weld="),
     ("--channel displacement", "export_channels({\"displacement\": ...})"),
     ("--channel light", "export_channels({\"light\": ...})"),
     ("fewer --texels", "fewer texels="),
