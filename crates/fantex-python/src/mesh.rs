@@ -22,7 +22,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, rows, triangles};
 use crate::asset::Asset;
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::{in_python, watched};
+use crate::watch::{heard, in_python, watched};
 
 /// A mesh, loaded and cleaned.
 #[pyclass(frozen, module = "fantex")]
@@ -245,7 +245,7 @@ pub(crate) fn parametrize<'py>(
     let faces = triangles(&faces, positions.len())?;
     let options = UnwrapOptions { side, padding };
     let clean = CleanOptions::welding(weld);
-    let (mesh, unwrapped) = watched(py, progress.as_ref(), |watch| {
+    let (mesh, unwrapped) = watched(py, heard(&progress, "unwrapping"), |watch| {
         unwrap_triangles(&positions, &faces, &clean, &options, watch)
     })?;
     let uv: Vec<[f32; 2]> = mesh.uv.iter().map(upwards).collect();

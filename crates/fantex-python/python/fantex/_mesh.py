@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional, Protocol, Sequence, Union
 
 import numpy as np
 
@@ -12,7 +12,14 @@ from . import _native
 from ._given import PATHS, Path, amount, length, whole
 from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
 
-Progress = Callable[[int, int], Any]
+
+class StepProgress(Protocol):
+    """Hears what is done, too: ``"covering"``, ``"baking"``, ``"uploading"``."""
+
+    def __call__(self, done: int, total: int, /, *, step: str) -> Any: ...
+
+
+Progress = Union[Callable[[int, int], Any], StepProgress]
 
 
 def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) -> np.ndarray:
