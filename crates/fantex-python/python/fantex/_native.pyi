@@ -46,6 +46,7 @@ class Mesh:
         normals: Optional[Floats] = None,
         uv: Optional[Floats] = None,
         image: Optional[bytes] = None,
+        is_sound: bool = False,
         weld: Optional[float] = None,
     ) -> "Mesh": ...
     @staticmethod
