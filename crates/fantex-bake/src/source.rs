@@ -92,6 +92,12 @@ pub trait Source: Sync {
         false
     }
 
+    /// Whether a point may take milliseconds, as following rays through crowded places does: bakes then ask between points whether they are
+    /// to go on.
+    fn has_slow_points(&self) -> bool {
+        false
+    }
+
     /// Writes one value per channel. What is not finite is baked as 0.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
