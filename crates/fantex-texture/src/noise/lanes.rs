@@ -301,12 +301,29 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
 
 // ---- Gradients on a cubic lattice.
 
-/// [`Noise::value`]. Texels that follow one another mostly lie in one cell of all but the finest octaves, and share its gradients.
+/// [`Noise::value`]. Texels that follow one another mostly lie in one cell or two of all but the finest octaves, and share their
+/// gradients.
 #[derive(Default)]
 pub(super) struct Gradients {
-    /// Seed and cell that `slopes` belong to.
-    known: Option<(u32, [u32; 3])>,
-    slopes: CornerSlopes,
+    /// Of seeds and cells that were met last.
+    known: [(Option<(u32, [u32; 3])>, CornerSlopes); 2],
+    /// Which is forgotten next.
+    oldest: usize,
+}
+
+impl Gradients {
+    /// The gradients at a cell's corners.
+    #[inline(always)]
+    fn slopes<S: Simd>(&mut self, simd: S, seed: u32, cell: [u32; 3]) -> &CornerSlopes {
+        let asked = Some((seed, cell));
+        let known = self.known.iter().position(|(known, _)| *known == asked);
+        let index = known.unwrap_or(self.oldest);
+        if known.is_none() {
+            self.known[index] = (asked, corner_slopes(simd, seed, cell));
+            self.oldest = 1 - index;
+        }
+        &self.known[index].1
+    }
 }
 
 /// Gradients at the corners of a cell by axis, x fastest; as many as whole vectors hold.
@@ -356,41 +373,46 @@ impl Kernel<3> for Gradients {
     fn value<S: Simd>(&mut self, simd: S, seed: u32, at: [S::f32s; 3]) -> S::f32s {
         let place = CellsAndOffsets::<S, 3>::new(at);
         let (cell, inside) = place.shared(simd, 0);
-        if inside.any_false() {
+        if inside.all_true() {
+            return noise_in_cell(simd, self.slopes(simd, seed, cell), place.offsets);
+        }
+        let (other, others) = place.shared(simd, inside.to_bitmask().trailing_ones() as usize);
+        if (inside | others).any_false() {
             return gradient_noise(simd, S::u32s::splat(simd, seed), place);
         }
-        if self.known != Some((seed, cell)) {
-            self.known = Some((seed, cell));
-            self.slopes = corner_slopes(simd, seed, cell);
-        }
-        let slopes = &self.slopes;
-        let [x, y, z] = place.offsets;
-        let (beyond_x, beyond_y, beyond_z) = (x - 1.0, y - 1.0, z - 1.0);
-        let [share_x, share_y, share_z] = [fade::<S>(x), fade::<S>(y), fade::<S>(z)];
-        let near = mix::<S>(
-            mix::<S>(dot(simd, slopes, 0, [x, y, z]), dot(simd, slopes, 1, [beyond_x, y, z]), share_x),
-            mix::<S>(
-                dot(simd, slopes, 2, [x, beyond_y, z]),
-                dot(simd, slopes, 3, [beyond_x, beyond_y, z]),
-                share_x,
-            ),
-            share_y,
-        );
-        let far = mix::<S>(
-            mix::<S>(
-                dot(simd, slopes, 4, [x, y, beyond_z]),
-                dot(simd, slopes, 5, [beyond_x, y, beyond_z]),
-                share_x,
-            ),
-            mix::<S>(
-                dot(simd, slopes, 6, [x, beyond_y, beyond_z]),
-                dot(simd, slopes, 7, [beyond_x, beyond_y, beyond_z]),
-                share_x,
-            ),
-            share_y,
-        );
-        mix::<S>(near, far, share_z)
+        let noise = noise_in_cell(simd, self.slopes(simd, seed, cell), place.offsets);
+        inside.select(noise, noise_in_cell(simd, self.slopes(simd, seed, other), place.offsets))
     }
+}
+
+/// The noise of lanes in a cell with these gradients at its corners.
+#[inline(always)]
+fn noise_in_cell<S: Simd>(simd: S, slopes: &CornerSlopes, [x, y, z]: [S::f32s; 3]) -> S::f32s {
+    let (beyond_x, beyond_y, beyond_z) = (x - 1.0, y - 1.0, z - 1.0);
+    let [share_x, share_y, share_z] = [fade::<S>(x), fade::<S>(y), fade::<S>(z)];
+    let near = mix::<S>(
+        mix::<S>(dot(simd, slopes, 0, [x, y, z]), dot(simd, slopes, 1, [beyond_x, y, z]), share_x),
+        mix::<S>(
+            dot(simd, slopes, 2, [x, beyond_y, z]),
+            dot(simd, slopes, 3, [beyond_x, beyond_y, z]),
+            share_x,
+        ),
+        share_y,
+    );
+    let far = mix::<S>(
+        mix::<S>(
+            dot(simd, slopes, 4, [x, y, beyond_z]),
+            dot(simd, slopes, 5, [beyond_x, y, beyond_z]),
+            share_x,
+        ),
+        mix::<S>(
+            dot(simd, slopes, 6, [x, beyond_y, beyond_z]),
+            dot(simd, slopes, 7, [beyond_x, beyond_y, beyond_z]),
+            share_x,
+        ),
+        share_y,
+    );
+    mix::<S>(near, far, share_z)
 }
 
 /// The product with a corner's gradient, whose coordinates are 0 or of length 1: one sum of two offsets, so fusing does not matter.
