@@ -160,10 +160,11 @@ fn choose_levels<S: Simd, const IS_ANISOTROPIC: bool>(simd: S, block: &mut Level
 
         fine.store_slice(&mut block.fine[range.clone()]);
         share.store_slice(&mut block.coarse_share[range.clone()]);
-        for axis in 0..2 {
-            fine_extent[axis].store_slice(&mut block.fine_extent[axis][range.clone()]);
-            coarse_extent[axis].store_slice(&mut block.coarse_extent[axis][range.clone()]);
-        }
+        let ([columns, rows], [coarse_columns, coarse_rows]) = (fine_extent, coarse_extent);
+        columns.store_slice(&mut block.fine_extent[0][range.clone()]);
+        rows.store_slice(&mut block.fine_extent[1][range.clone()]);
+        coarse_columns.store_slice(&mut block.coarse_extent[0][range.clone()]);
+        coarse_rows.store_slice(&mut block.coarse_extent[1][range]);
     }
 }
 
