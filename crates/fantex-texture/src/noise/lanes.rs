@@ -301,7 +301,7 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
 
 // ---- Gradients on a cubic lattice.
 
-/// [`Noise::value`]. Texels that follow one another mostly lie in one cell or two of all but the finest octaves, and share their
+/// [`Noise::value`](super::Noise::value). Texels that follow one another mostly lie in one cell or two of all but the finest octaves, and share their
 /// gradients.
 #[derive(Default)]
 pub(super) struct Gradients {
@@ -345,7 +345,7 @@ const CORNER_STEPS: [[u32; CORNER_LANES]; 3] = {
     steps
 };
 
-/// [`Noise::corner_gradients`] in the lanes of vectors.
+/// The scalar gradients at the corners of a cell in the lanes of vectors.
 #[inline(always)]
 fn corner_slopes<S: Simd>(simd: S, seed: u32, cell: [u32; 3]) -> CornerSlopes {
     let mut slopes = [[0.0; CORNER_LANES]; 3];
