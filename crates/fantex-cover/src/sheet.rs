@@ -379,7 +379,8 @@ impl Sheet {
         let Self { pieces, places, across, segments, wedges, overlaps, .. } = self;
         segments.clear();
         wedges.clear();
-        let mut turns = vec![0.0; places.len()];
+        // How many triangles around each point lie to the right of it: as often as these are wound around it, where they surround it.
+        let mut layers = vec![0; places.len()];
         for (i, piece) in pieces.iter().enumerate() {
             let at = piece.points.map(|p| places[p as usize]);
             let doubled = piece.rest[1].perp_dot(piece.rest[2]);
@@ -390,15 +391,15 @@ impl Sheet {
             let flat = at.map(|p| p.as_vec2());
             for k in 0..3 {
                 let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
-                turns[piece.points[k] as usize] += (at[next] - at[k]).angle_to(at[previous] - at[k]);
+                layers[piece.points[k] as usize] +=
+                    u32::from(at[next].y <= at[k].y && at[previous].y > at[k].y);
                 wedges.push(Wedge::new(piece.points[k], flat[k], flat[next], flat[previous]));
                 if across[3 * i + k] == BORDER {
                     segments.push(Segment::new([piece.points[k], piece.points[next]], [flat[k], flat[next]]));
                 }
             }
         }
-        let once = TAU + 1e-3;
-        turns.iter().all(|&turn| turn < once)
+        layers.iter().all(|&layers| layers <= 1)
             && !any_crossing(segments)
             && !overlaps.any_at_vertex(segments, wedges)
     }

@@ -106,17 +106,22 @@ impl Unroller {
             parts.binary_search_by_key(&corner.triangle(), |part| part.corner.triangle()).unwrap_or(0)
         };
         self.sets.reset(3 * parts.len());
-        let place = |corner: FanCorner, k: usize| (3 * part_of(corner) + corner.slots()[k]) as u32;
+        let places = |corner: FanCorner| {
+            let part = part_of(corner);
+            corner.slots().map(|slot| (3 * part + slot) as u32)
+        };
         for &fan in fans {
-            let corners = surface.fans.corners(fan as usize);
-            for pair in corners.windows(2) {
-                self.sets.union(place(pair[0], 0), place(pair[1], 0));
-                self.sets.union(place(pair[0], 2), place(pair[1], 1));
+            let Some((&first, rest)) = surface.fans.corners(fan as usize).split_first() else { continue };
+            let first = places(first);
+            let mut last = first;
+            for &corner in rest {
+                let next = places(corner);
+                self.sets.union(last[0], next[0]);
+                self.sets.union(last[2], next[1]);
+                last = next;
             }
-            if surface.fans.is_closed(fan as usize)
-                && let [first, .., last] = *corners
-            {
-                self.sets.union(place(last, 2), place(first, 1));
+            if surface.fans.is_closed(fan as usize) && !rest.is_empty() {
+                self.sets.union(last[2], first[1]);
             }
         }
         // Numbered without gaps: the relaxation goes over all points again and again.
