@@ -141,7 +141,7 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Panels, NONE, Key::I, Command::ToggleInspector, "Inspector"),
         row(Panels, NONE, Key::M, Command::ToggleAtlas, "Live atlas"),
         row(Panels, NONE, Key::G, Command::ToggleGraphs, "Graphs"),
-        row(Panels, NONE, Key::H, Command::ToggleAllPanels, "Hide or show all panels"),
+        row(Panels, NONE, Key::H, Command::ToggleAllPanels, "Hide or show all panels (also Tab)"),
         row(Panels, NONE, Key::L, Command::ToggleStreaming, "Hold or go on loading tiles"),
         row(Panels, NONE, Key::F1, Command::ToggleHelp, "This sheet (also ?)"),
     ]);
@@ -214,11 +214,16 @@ pub fn command_of(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<C
     let is_same = |s: &Shortcut| {
         s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
     };
-    // The question mark lies elsewhere on every keyboard.
-    let help = (key == Key::Questionmark).then_some(Command::ToggleHelp);
+    let also = match key {
+        // It lies elsewhere on every keyboard.
+        Key::Questionmark => Some(Command::ToggleHelp),
+        // The painter's hides its own.
+        Key::Tab if !is_painting && modifiers.is_none() => Some(Command::ToggleAllPanels),
+        _ => None,
+    };
     let own = if is_painting { paint_shortcuts() } else { Vec::new() };
     let mut found = own.into_iter().chain(shortcuts()).filter(|_| !modifiers.alt);
-    help.or_else(|| found.find(is_same).map(|s| s.command))
+    also.or_else(|| found.find(is_same).map(|s| s.command))
 }
 
 /// The keys of a command, as far as they hold: while something is painted on the painter has some of them.

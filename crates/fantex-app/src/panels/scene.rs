@@ -83,7 +83,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
     let side_drag = drag(PointerButton::Secondary) + middle_drag;
     let is_double_click = response.double_clicked();
     // Keys that are typed into a field are not for the camera.
-    let has_keys = !ui.ctx().egui_wants_keyboard_input();
+    let has_keys = !ui.ctx().text_edit_focused();
     ui.input(|i| {
         let held = |key: Key| f64::from(u8::from(has_keys && i.key_down(key) && !i.modifiers.command));
         SceneInput {

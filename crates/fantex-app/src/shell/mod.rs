@@ -228,7 +228,7 @@ impl<'a> Shell<'a> {
 
     /// A picture of the clipboard; not while something is typed.
     fn pasted_pictures(&mut self, ctx: &egui::Context) {
-        if ctx.egui_wants_keyboard_input() {
+        if ctx.text_edit_focused() {
             return;
         }
         let is_picture = |event: &egui::Event| match event {

@@ -196,6 +196,45 @@ fn keys_in_the_scene_become_wishes() {
     assert_eq!(wishes.lock().unwrap().last().unwrap().forward, 0.0);
 }
 
+/// A window in which keys do what they do in the program's.
+fn with_keys(viewer: Viewer) -> Harness<'static, Viewer> {
+    Harness::builder().with_size(vec2(1280.0, 800.0)).build_ui_state(
+        |ui, viewer: &mut Viewer| {
+            let ctx = ui.ctx().clone();
+            viewer.keys(&ctx);
+            show(ui, viewer, &Textures::default());
+        },
+        viewer,
+    )
+}
+
+/// Only what is typed into a field is no command: a button that has the focus leaves the keys alone, and Tab does not go there.
+#[test]
+fn keys_are_commands_where_nothing_is_typed() {
+    let mut viewer = with_model();
+    viewer.settings.panels.tab = Tab::View;
+    let mut harness = with_keys(viewer);
+    for is_shown in [false, true] {
+        harness.key_press(Key::Tab);
+        harness.run_steps(2);
+        assert_eq!(harness.state().settings.panels.has_inspector, is_shown);
+        assert!(!harness.ctx.egui_wants_keyboard_input());
+    }
+    harness.get_by_label("Fly").focus();
+    harness.run_steps(2);
+    harness.key_press(Key::G);
+    harness.run_steps(2);
+    assert!(harness.ctx.egui_wants_keyboard_input() && harness.state().settings.panels.has_graphs);
+    harness.get_all_by_role(Role::SpinButton).next().unwrap().focus();
+    harness.run_steps(2);
+    for key in [Key::G, Key::Tab] {
+        harness.key_press(key);
+        harness.run_steps(2);
+    }
+    let panels = &harness.state().settings.panels;
+    assert!(panels.has_graphs && panels.has_inspector);
+}
+
 /// An asset on a page of the inspector.
 pub(crate) fn with_asset(tab: Tab) -> Viewer {
     let folder = tempfile::tempdir().unwrap();
