@@ -112,9 +112,27 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
     })
 }
 
+/// Whether the presses of the first button in this frame were on the scene, not on what lies over it or beside it, in order.
+fn presses(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<bool> {
+    let place = |event: &egui::Event| match event {
+        egui::Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => Some(*pos),
+        _ => None,
+    };
+    let (places, last) = ui.input(|i| {
+        let places: Vec<Pos2> = i.events.iter().filter_map(place).collect();
+        (places, i.pointer.latest_pos())
+    });
+    let is_on_scene = |at: Pos2| {
+        let is_on_top = ui.ctx().layer_id_at(at).is_none_or(|layer| layer == ui.layer_id());
+        // Where the pointer still is, edges of panels are known, too.
+        rect.contains(at) && is_on_top && (last != Some(at) || response.contains_pointer())
+    };
+    places.into_iter().map(is_on_scene).collect()
+}
+
 /// What the pen or the first button did in this frame, every move of it.
 fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<PenEvent> {
-    let can_start = response.contains_pointer();
+    let mut presses = presses(ui, response, rect).into_iter();
     let pressure_id = Id::unique("pen pressure");
     let mut pressure = ui.data(|data| data.get_temp::<f32>(pressure_id)).unwrap_or(1.0);
     let share = |at: Pos2| {
@@ -143,7 +161,7 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
                     continue;
                 }
                 egui::Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => {
-                    if !(can_start && rect.contains(*pos)) {
+                    if presses.next() != Some(true) {
                         continue;
                     }
                     (if is_covered(*pos) { PenPhase::Turn } else { PenPhase::Down }, *pos)
