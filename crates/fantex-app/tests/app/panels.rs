@@ -154,6 +154,7 @@ fn the_view_page_has_the_field_of_view() {
     viewer.settings.panels.tab = Tab::View;
     let harness = harness(viewer, [1280.0, 800.0]);
     assert!(harness.query_all_by_label("Field of view").next().is_some());
+    assert!(harness.query_all_by_label("Looks at").next().is_some());
 }
 
 #[test]
