@@ -302,6 +302,11 @@ impl Viewer {
         self.settings.light.background(self.map_in_use())
     }
 
+    /// Whether shading, overlay and lines can be chosen: looks are drawn as they are.
+    pub fn has_display(&self) -> bool {
+        self.live.is_none()
+    }
+
     /// Whether surroundings are being read or computed.
     pub fn is_making_surroundings(&self) -> bool {
         self.map_job.is_some()
@@ -509,6 +514,8 @@ impl Viewer {
             }
             Command::View(preset) => self.show(preset),
             Command::Mode(mode) => self.set_mode(mode),
+            Command::StepOverlay(_) | Command::StepShading(_) | Command::ToggleWireframe
+                if !self.has_display() => {}
             Command::StepOverlay(by) => self.settings.display.step_overlay(by),
             Command::StepShading(by) => self.settings.display.step_shading(by),
             Command::ToggleWireframe => toggle(&mut self.settings.display.has_wireframe),

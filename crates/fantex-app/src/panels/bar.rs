@@ -226,19 +226,24 @@ fn check(ui: &mut Ui, is_on: bool, text: &str, command: Command, commands: &mut 
 
 fn choices(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Command>) {
     let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    let has_display = viewer.has_display();
     let display = &mut viewer.settings.display;
     if parts.contains(&Part::Shading) {
-        named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
+        ui.add_enabled_ui(has_display, |ui| {
+            named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
+        });
     }
     if parts.contains(&Part::Overlay) {
         ui.add_enabled_ui(is_streamed, |ui| {
             named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
         });
     }
-    if parts.contains(&Part::Wireframe)
-        && switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)")
-    {
-        commands.push(Command::ToggleWireframe);
+    if parts.contains(&Part::Wireframe) {
+        ui.add_enabled_ui(has_display, |ui| {
+            if switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)") {
+                commands.push(Command::ToggleWireframe);
+            }
+        });
     }
 }
 
@@ -305,9 +310,12 @@ fn more(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Com
         }
     }
     let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    let has_display = viewer.has_display();
     let display = &mut viewer.settings.display;
     if lacks(Part::Shading) {
-        ui.menu_button("Shading", |ui| one_of(ui, &mut display.shading, &ShadingView::ALL));
+        ui.add_enabled_ui(has_display, |ui| {
+            ui.menu_button("Shading", |ui| one_of(ui, &mut display.shading, &ShadingView::ALL));
+        });
     }
     if lacks(Part::Overlay) {
         ui.add_enabled_ui(is_streamed, |ui| {
@@ -315,7 +323,9 @@ fn more(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Com
         });
     }
     if lacks(Part::Wireframe) {
-        check(ui, display.has_wireframe, "Wireframe", Command::ToggleWireframe, commands);
+        ui.add_enabled_ui(has_display, |ui| {
+            check(ui, display.has_wireframe, "Wireframe", Command::ToggleWireframe, commands);
+        });
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
+use fantex_app::command::Command;
 use fantex_app::live::LiveLook;
 use fantex_app::viewer::Request;
 
@@ -154,4 +155,19 @@ fn menus_save_pictures_of_looks_and_close_them() {
     let viewer = harness.state_mut();
     assert!(matches!(viewer.take_requests()[..], [Request::Picture { .. }]));
     assert!(viewer.live.is_none());
+}
+
+/// What has no effect on a look cannot be chosen, and is not kept for what is opened next.
+#[test]
+fn looks_are_drawn_without_shading_and_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::empty();
+    viewer.live = Some(open(folder.path()).0);
+    let before = viewer.settings.display.clone();
+    for command in [Command::StepShading(1), Command::StepOverlay(1), Command::ToggleWireframe] {
+        viewer.command(command);
+    }
+    assert_eq!(viewer.settings.display, before);
+    let harness = crate::panels::harness(viewer, [1600.0, 800.0]);
+    assert!(harness.get_by_label("Wireframe").accesskit_node().is_disabled());
 }
