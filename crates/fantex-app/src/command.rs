@@ -20,6 +20,8 @@ pub enum Command {
     Export,
     /// Write the asset to another file, and go on with this one.
     SaveCopy,
+    /// Write what was changed of a look into its file; of anything else, a picture.
+    Save,
     Screenshot,
     /// Save a picture of the scene, this many times as wide and high as on the screen.
     LargeScreenshot(u32),
@@ -108,7 +110,8 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(File, CONTROL, Key::W, Command::Close, "Close the file"),
         row(File, CONTROL, Key::E, Command::Export, "Export for another program"),
         row(File, CONTROL | SHIFT, Key::C, Command::SaveCopy, "Save a copy"),
-        row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture"),
+        row(File, CONTROL, Key::S, Command::Save, "Save the look, else a picture"),
+        row(File, CONTROL | SHIFT, Key::P, Command::Screenshot, "Save a picture"),
         row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "Save a picture four times as large"),
         row(File, CONTROL, Key::P, Command::WindowScreenshot, "Save a picture of the window"),
         row(File, CONTROL, Key::T, Command::TogglePainting, "Paint, or only look"),

@@ -497,7 +497,8 @@ impl Viewer {
             Command::Quit => self.request(Request::Quit),
             Command::Export => self.ask_export(),
             Command::SaveCopy => self.ask_copy(),
-            Command::Screenshot => self.request_picture(1),
+            Command::Save if self.live.is_some() => self.save_look(),
+            Command::Save | Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
                 let path = self.next_picture(&format!("{}-window", self.stem()));

@@ -170,6 +170,9 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         item(ui, (is_asset, is_painting), "Save a copy…", Command::SaveCopy, commands);
         item(ui, (is_asset, is_painting), "Export…", Command::Export, commands);
         ui.separator();
+        if let Some(live) = &viewer.live {
+            item(ui, (live.is_changed(), is_painting), "Save the look", Command::Save, commands);
+        }
         item(ui, (has_scene, is_painting), "Save picture", Command::Screenshot, commands);
         item(ui, (has_document, is_painting), "Save large picture", Command::LargeScreenshot(4), commands);
         item(ui, (true, is_painting), "Save picture of the window", Command::WindowScreenshot, commands);

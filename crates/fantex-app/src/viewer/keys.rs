@@ -125,6 +125,7 @@ fn is_beside_text(command: &Command) -> bool {
             | Command::Quit
             | Command::Export
             | Command::SaveCopy
+            | Command::Save
             | Command::Screenshot
             | Command::LargeScreenshot(_)
             | Command::WindowScreenshot

@@ -120,6 +120,19 @@ impl Viewer {
         Some(format!("What was changed of {name} is not saved."))
     }
 
+    /// Writes what was changed of a look into its file.
+    pub fn save_look(&mut self) {
+        let Some(live) = &mut self.live else { return };
+        let path = live.path().display().to_string();
+        if !live.is_changed() {
+            return self.notices.info(format!("{path} has all that is shown."));
+        }
+        match live.save() {
+            Ok(()) => self.notices.info(format!("Saved {path}.")),
+            Err(error) => self.notices.error(error.to_string()),
+        }
+    }
+
     /// Tells what a departure loses; true where that was told before.
     fn may_lose(&mut self, reason: &str, departure: Departure) -> bool {
         let now = self.now();

@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use egui_kittest::kittest::{NodeT, Queryable};
-use fantex_app::command::Command;
+use fantex_app::command::{Command, parse_keys};
 use fantex_app::live::LiveLook;
-use fantex_app::viewer::Request;
+use fantex_app::viewer::{KeyPhase, Request, Viewer};
 
 const LOOK: &str = r##"# A ball of marble.
 [picture]
@@ -170,4 +170,24 @@ fn looks_are_drawn_without_shading_and_lines() {
     assert_eq!(viewer.settings.display, before);
     let harness = crate::panels::harness(viewer, [1600.0, 800.0]);
     assert!(harness.get_by_label("Wireframe").accesskit_node().is_disabled());
+}
+
+/// The key that saves writes the look, as in any editor; its picture has another one.
+#[test]
+fn looks_are_saved_by_the_usual_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::empty();
+    viewer.live = Some(open(folder.path()).0);
+    let press = |viewer: &mut Viewer, keys: &str| {
+        let (modifiers, key) = parse_keys(keys).unwrap();
+        viewer.key(key, modifiers, KeyPhase::Pressed, true);
+    };
+    viewer.live.as_mut().unwrap().set(1, 0.125);
+    press(&mut viewer, "Ctrl+S");
+    press(&mut viewer, "Ctrl+S");
+    let text = std::fs::read_to_string(folder.path().join("ball.toml")).unwrap();
+    assert_eq!(text, LOOK.replace("scale = 0.5", "scale = 0.125"));
+    assert!(viewer.take_requests().is_empty());
+    press(&mut viewer, "Ctrl+Shift+P");
+    assert!(matches!(viewer.take_requests()[..], [Request::Picture { .. }]));
 }

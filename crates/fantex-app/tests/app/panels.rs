@@ -415,7 +415,8 @@ fn menus_show_the_keys_that_hold() {
     assert_eq!(keys_of(false, &back).as_deref(), Some("5"));
     assert_eq!(keys_of(true, &back), None);
     assert_eq!(keys_of(true, &Command::FrameAll).as_deref(), Some("F"));
-    assert_eq!(keys_of(true, &Command::Screenshot), None, "Ctrl + S saves what is painted");
+    assert_eq!(keys_of(true, &Command::Save), None, "Ctrl + S saves what is painted");
+    assert_eq!(keys_of(true, &Command::Screenshot).as_deref(), Some("Ctrl + Shift + P"));
 }
 
 /// The pointer through some places with the button held, as a mouse moves, with a frame after each; then the button is let go.
