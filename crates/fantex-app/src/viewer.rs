@@ -218,8 +218,7 @@ pub struct Viewer {
     brush_drag: Option<keys::BrushDrag>,
     /// All is shown when the brush's key is let go.
     frames_on_release: bool,
-    /// The user was told what is lost by this, and when.
-    warned: Option<(leaving::Departure, f64)>,
+    warned: Option<leaving::Warned>,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
     shading_before_alone: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.

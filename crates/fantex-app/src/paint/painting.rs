@@ -426,10 +426,13 @@ impl Painting {
                     self.work = work;
                 }
                 Report::Save(state) => {
-                    if let SaveState::Failed(reason) = &state
-                        && state != self.save
-                    {
-                        notices.error(reason.clone());
+                    if state != self.save {
+                        if let SaveState::Failed(before) = &self.save {
+                            notices.take_back(before);
+                        }
+                        if let SaveState::Failed(reason) = &state {
+                            notices.error(reason.clone());
+                        }
                     }
                     if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
                         notices.info("Saved: all that was painted is on the disk.");

@@ -328,3 +328,23 @@ fn an_asset_whose_strokes_cannot_be_repeated_is_opened_again() {
     assert!(viewer.painting.is_some());
     assert_eq!(viewer.document.as_ref().unwrap().mesh().triangles.len(), 48 * 24 * 2);
 }
+
+/// What was told of a commit that failed is not so any more once another one succeeds.
+#[test]
+fn errors_of_saving_go_once_all_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = seen(with_painting(folder.path()));
+    let path = viewer.asset_path().unwrap();
+    let aside = folder.path().join("aside.fan");
+    std::fs::rename(&path, &aside).unwrap();
+    draw(&mut viewer);
+    assert!(!viewer.may_close());
+    wait_until(&mut viewer, "it is not told", |viewer| crate::errors(&viewer.notices) == 2);
+    assert!(said(&viewer, "Not saved") && said(&viewer, "Close again to lose what is not saved."));
+    std::fs::rename(&aside, &path).unwrap();
+    // It is saved at once.
+    viewer.copy_to(folder.path().join("copy.fan"));
+    wait_until(&mut viewer, "it waits for ever", |viewer| viewer.exporting.is_none());
+    viewer.poll();
+    assert_eq!(crate::errors(&viewer.notices), 0);
+}
