@@ -353,7 +353,8 @@ fn the_history_goes_back_to_the_original() {
         |harness: &Harness<'static, Viewer>| harness.state().painting.as_ref().unwrap().snapshot.layers.len();
     wait_painted(harness.state_mut());
     harness.run_steps(2);
-    harness.get_by_label("Channels");
+    let [channels, history] = ["Channels", "History"].map(|label| harness.get_by_label(label).rect());
+    assert!(history.left() == channels.left() && history.top() > channels.top());
     click(&mut harness, "Add");
     assert_eq!(layers(&harness), 1);
     click(&mut harness, "Original");

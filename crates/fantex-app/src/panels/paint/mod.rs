@@ -1,11 +1,11 @@
-//! Panels of the painter: tools, brush and history at the left, colours and layers at the right, the cursor over the scene.
+//! Panels of the painter: tools and brush at the left, colours, layers and history at the right, the cursor over the scene.
 //!
 //! ```text
 //!  +------+---------+---------------------------+----------+
 //!  | tool | brush   |                           | colour   |
 //!  | strip| symmetry|     scene, cursor,        | channels |
 //!  |      | presets |     symmetry plane        | layers   |
-//!  |      | history |                           |          |
+//!  |      |         |                           | history  |
 //!  +------+---------+---------------------------+----------+
 //! ```
 
@@ -57,7 +57,6 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
                     symmetry(ui, viewer);
                     overlay::stencil(ui, viewer);
                     brush::presets(ui, viewer);
-                    history(ui, viewer);
                 });
             },
         );
@@ -71,6 +70,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
                     color::show(ui, viewer);
                     color::channels(ui, viewer);
                     layers::show(ui, viewer);
+                    history(ui, viewer);
                 });
             },
         );
