@@ -298,6 +298,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
+/// The user's folder.
+pub(crate) fn home_folder() -> Option<PathBuf> {
+    std::env::var_os("HOME").or_else(|| std::env::var_os("USERPROFILE")).map(PathBuf::from)
+}
+
 /// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder, and is not one of `taken`.
 pub fn next_free(folder: &Path, stem: &str, extension: &str, taken: &[PathBuf]) -> PathBuf {
     let name = |i: u32| folder.join(format!("{stem}-{i:03}.{extension}"));
