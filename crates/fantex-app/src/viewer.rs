@@ -601,10 +601,17 @@ impl Viewer {
         }
     }
 
-    /// The document's name without extension, for names of pictures.
+    /// The name of what is shown, for titles.
+    pub fn shown_name(&self) -> Option<String> {
+        match &self.live {
+            Some(live) => Some(live.path().file_name()?.to_string_lossy().into_owned()),
+            None => self.document.as_ref().map(|document| document.place.name()),
+        }
+    }
+
+    /// The same without extension, for names of pictures.
     pub fn stem(&self) -> String {
-        let live = self.live.as_ref().map(|live| live.path().to_owned());
-        let name = live.or(self.document.as_ref().map(|document| PathBuf::from(document.place.name())));
+        let name = self.shown_name().map(PathBuf::from);
         name.and_then(|n| n.file_stem().map(|s| s.to_string_lossy().into_owned())).unwrap_or("fantex".into())
     }
 

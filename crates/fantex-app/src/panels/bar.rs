@@ -369,12 +369,7 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
             figures(ui, viewer, width);
             // What is left of the line, in the order in which it is read; the hint is cut where that is too little.
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                let look = viewer.live.as_ref().and_then(|live| live.path().file_name());
-                let name = match (look, &viewer.document) {
-                    (Some(name), _) => name.to_string_lossy().into_owned(),
-                    (None, Some(document)) => document.place.name(),
-                    (None, None) => "Nothing is open".into(),
-                };
+                let name = viewer.shown_name().unwrap_or_else(|| "Nothing is open".into());
                 ui.add(Label::new(RichText::new(name).color(theme::TEXT)).truncate());
                 if let Some((text, color)) = path_state(viewer) {
                     ui.separator();
@@ -452,7 +447,12 @@ fn figures(ui: &mut Ui, viewer: &Viewer, width: f32) {
         } else if figures.is_sharp() {
             ("Sharp".to_owned(), theme::GOOD)
         } else {
-            (format!("{} parcels to come", figures.missing), theme::WARNING)
+            let objects = figures.objects.as_ref().map_or(0, |objects| objects.missing);
+            let text = match figures.missing {
+                0 => format!("{objects} objects to come"),
+                parcels => format!("{parcels} parcels to come"),
+            };
+            (text, theme::WARNING)
         };
         ui.label(RichText::new(text).color(color));
     }

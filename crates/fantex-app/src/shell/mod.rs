@@ -385,14 +385,10 @@ impl<'a> Shell<'a> {
     }
 
     fn show_title(&mut self, ctx: &egui::Context) {
-        let title = match &self.workspace.viewer.document {
-            Some(document) if self.workspace.viewer.painting.is_some() => {
-                format!("{} – fantex paint", document.place.name())
-            }
-            Some(document) => format!("{} – fantex", document.place.name()),
-            None if self.workspace.viewer.live.is_some() => {
-                format!("{} – fantex", self.workspace.viewer.stem())
-            }
+        let viewer = &self.workspace.viewer;
+        let title = match viewer.shown_name() {
+            Some(name) if viewer.painting.is_some() => format!("{name} – fantex paint"),
+            Some(name) => format!("{name} – fantex"),
             None => "fantex".to_owned(),
         };
         if title != self.title {

@@ -163,6 +163,7 @@ fn looks_are_drawn_without_shading_and_lines() {
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = crate::panels::empty();
     viewer.live = Some(open(folder.path()).0);
+    assert_eq!(viewer.shown_name().as_deref(), Some("ball.toml"));
     let before = viewer.settings.display.clone();
     for command in [Command::StepShading(1), Command::StepOverlay(1), Command::ToggleWireframe] {
         viewer.command(command);

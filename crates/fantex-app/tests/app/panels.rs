@@ -13,7 +13,7 @@ use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
 use fantex_app::display::TONE_MAPS;
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
-use fantex_app::figures::{DamagedPart, LevelFigures};
+use fantex_app::figures::{DamagedPart, LevelFigures, ObjectFigures};
 use fantex_app::paint::LayerAction;
 use fantex_app::panels::{Textures, show};
 use fantex_app::settings::{PanelSettings, Settings, Tab};
@@ -581,4 +581,41 @@ fn channels_are_removed_once_the_user_says_so() {
     assert!(
         harness.state_mut().notices.shown().any(|notice| notice.text.contains("an asset needs a channel"))
     );
+}
+
+/// An asset of a mesh with as many triangles elsewhere: the number is no difference.
+#[test]
+fn what_differs_of_two_meshes_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    crate::painting::small_asset(folder.path());
+    let mut torus = fantex::mesh::generate::torus(48, 24);
+    torus.positions.iter_mut().for_each(|position| *position *= 2.0);
+    let geometry = fantex::mesh::WriteGeometry {
+        positions: &torus.positions,
+        triangles: &torus.triangles,
+        colors: None,
+    };
+    let model = folder.path().join("torus.ply");
+    fantex::mesh::write_model(&model, &geometry, false).unwrap();
+    let mut viewer = empty();
+    (viewer.paints, viewer.asks) = (true, true);
+    viewer.open_file(model);
+    while viewer.opening.is_some() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        viewer.poll();
+    }
+    let harness = harness(viewer, [1280.0, 800.0]);
+    let count = fantex_app::text::grouped(48 * 24 * 2);
+    harness.get_by_label_contains(&format!(
+        "torus.ply and the asset's mesh have {count} triangles, but at other places."
+    ));
+}
+
+#[test]
+fn objects_of_a_world_that_are_to_come_are_counted() {
+    let mut viewer = with_asset(Tab::Model);
+    viewer.figures.objects = Some(ObjectFigures { missing: 3, ..ObjectFigures::default() });
+    let harness = harness(viewer, [1280.0, 800.0]);
+    harness.get_by_label("3 objects to come");
+    assert!(harness.query_by_label_contains("parcels to come").is_none());
 }
