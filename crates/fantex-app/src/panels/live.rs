@@ -32,7 +32,7 @@ pub(super) fn picture(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
         .fixed_pos(rect.left_top() + vec2(12.0, 12.0));
     area.pivot(Align2::LEFT_TOP).show(ui.ctx(), |ui| {
         card().stroke(Stroke::new(1.0, theme::ERROR)).corner_radius(CornerRadius::same(6)).show(ui, |ui| {
-            ui.set_max_width((rect.width() - 60.0).clamp(160.0, 560.0));
+            ui.set_max_width((rect.width() - 60.0).clamp(60.0, 560.0));
             ui.label(RichText::new(error).color(theme::TEXT).monospace());
             hint(ui, "The picture shows the look as it was before.");
         });

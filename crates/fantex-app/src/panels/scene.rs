@@ -2,7 +2,7 @@
 
 use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
-    Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
+    Pos2, Rect, RichText, ScrollArea, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
 };
 use fantex::glam::DVec2;
 
@@ -232,7 +232,7 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
         .pivot(Align2::CENTER_CENTER)
         .show(ui.ctx(), |ui| {
             card().show(ui, |ui| {
-                ui.set_width(320.0);
+                ui.set_width(320.0f32.min(rect.width() - 40.0));
                 ui.horizontal(|ui| {
                     ui.add(Spinner::new().size(18.0));
                     ui.label(RichText::new(short_place(&opening.place().name())).color(theme::STRONG));
@@ -330,11 +330,15 @@ fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     Area::new(Id::unique("notices")).order(Order::Middle).fixed_pos(at).pivot(Align2::LEFT_BOTTOM).show(
         ui.ctx(),
         |ui| {
-            for (i, notice) in shown.iter().enumerate() {
-                if notice_card(ui, notice, rect.width()) {
-                    dismissed = Some(i);
+            // Not what they took in the last frame: there may be more of them.
+            ui.set_max_height((rect.height() - 24.0).max(20.0));
+            ScrollArea::vertical().stick_to_bottom(true).show(ui, |ui| {
+                for (i, notice) in shown.iter().enumerate() {
+                    if notice_card(ui, notice, rect.width()) {
+                        dismissed = Some(i);
+                    }
                 }
-            }
+            });
         },
     );
     if let Some(i) = dismissed {
@@ -351,7 +355,7 @@ fn notice_card(ui: &mut Ui, notice: &Notice, width: f32) -> bool {
     };
     let mut is_dismissed = false;
     card().stroke(Stroke::new(1.0, color.gamma_multiply(0.6))).show(ui, |ui| {
-        ui.set_width((width - 60.0).clamp(180.0, 440.0));
+        ui.set_width((width - 60.0).clamp(60.0, 440.0));
         ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
             is_dismissed = ui.small_button("×").on_hover_text("Dismiss").clicked();
             ui.with_layout(Layout::left_to_right(Align::Min), |ui| {
