@@ -20,6 +20,8 @@ pub enum Command {
     Export,
     /// Write the asset to another file, and go on with this one.
     SaveCopy,
+    /// Write what was changed of a look into its file; of anything else, a picture.
+    Save,
     Screenshot,
     /// Save a picture of the scene, this many times as wide and high as on the screen.
     LargeScreenshot(u32),
@@ -108,7 +110,8 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(File, CONTROL, Key::W, Command::Close, "Close the file"),
         row(File, CONTROL, Key::E, Command::Export, "Export for another program"),
         row(File, CONTROL | SHIFT, Key::C, Command::SaveCopy, "Save a copy"),
-        row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture"),
+        row(File, CONTROL, Key::S, Command::Save, "Save the look, else a picture"),
+        row(File, CONTROL | SHIFT, Key::P, Command::Screenshot, "Save a picture"),
         row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "Save a picture four times as large"),
         row(File, CONTROL, Key::P, Command::WindowScreenshot, "Save a picture of the window"),
         row(File, CONTROL, Key::T, Command::TogglePainting, "Paint, or only look"),
@@ -141,7 +144,7 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Panels, NONE, Key::I, Command::ToggleInspector, "Inspector"),
         row(Panels, NONE, Key::M, Command::ToggleAtlas, "Live atlas"),
         row(Panels, NONE, Key::G, Command::ToggleGraphs, "Graphs"),
-        row(Panels, NONE, Key::H, Command::ToggleAllPanels, "Hide or show all panels"),
+        row(Panels, NONE, Key::H, Command::ToggleAllPanels, "Hide or show all panels (also Tab)"),
         row(Panels, NONE, Key::L, Command::ToggleStreaming, "Hold or go on loading tiles"),
         row(Panels, NONE, Key::F1, Command::ToggleHelp, "This sheet (also ?)"),
     ]);
@@ -214,11 +217,16 @@ pub fn command_of(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<C
     let is_same = |s: &Shortcut| {
         s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
     };
-    // The question mark lies elsewhere on every keyboard.
-    let help = (key == Key::Questionmark).then_some(Command::ToggleHelp);
+    let also = match key {
+        // It lies elsewhere on every keyboard.
+        Key::Questionmark => Some(Command::ToggleHelp),
+        // The painter's hides its own.
+        Key::Tab if !is_painting && modifiers.is_none() => Some(Command::ToggleAllPanels),
+        _ => None,
+    };
     let own = if is_painting { paint_shortcuts() } else { Vec::new() };
     let mut found = own.into_iter().chain(shortcuts()).filter(|_| !modifiers.alt);
-    help.or_else(|| found.find(is_same).map(|s| s.command))
+    also.or_else(|| found.find(is_same).map(|s| s.command))
 }
 
 /// The keys of a command, as far as they hold: while something is painted on the painter has some of them.

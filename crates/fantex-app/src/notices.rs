@@ -83,6 +83,11 @@ impl Notices {
         self.shown.remove(index);
     }
 
+    /// Takes a message from the screen that is not so any more.
+    pub fn take_back(&mut self, text: &str) {
+        self.shown.retain(|notice| notice.text != text);
+    }
+
     /// The last texts, oldest first.
     pub fn log(&self) -> impl Iterator<Item = &str> {
         self.log.iter().map(String::as_str)

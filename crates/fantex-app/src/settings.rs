@@ -156,6 +156,16 @@ impl StreamingSettings {
     }
 }
 
+/// Renames a damaged file of the program's. Returns what the user is told.
+pub(crate) fn set_aside(path: &Path, what: &str, source: serde_json::Error) -> Error {
+    let aside = path.with_extension("damaged.json");
+    // Where it cannot be renamed it will be replaced when it is written.
+    std::fs::rename(path, &aside).ok();
+    let [path_text, aside] = [path, aside.as_path()].map(Path::display);
+    let sentence = format!("{what} {path_text} are damaged ({source}); they were set aside as {aside}");
+    Error::malformed(sentence).with_path(path).with_source(source)
+}
+
 impl Settings {
     /// Reads the settings. Without a file they are the usual ones; a damaged file is renamed, and the settings are the usual
     /// ones, too.
@@ -167,17 +177,7 @@ impl Settings {
         };
         match serde_json::from_slice::<Self>(&bytes) {
             Ok(settings) => (settings.sanitized(), None),
-            Err(source) => {
-                let aside = path.with_extension("damaged.json");
-                // Where it cannot be renamed it will be replaced when the program ends.
-                std::fs::rename(path, &aside).ok();
-                let sentence = format!(
-                    "the settings {} are damaged ({source}); they were set aside as {}",
-                    path.display(),
-                    aside.display()
-                );
-                (Self::default(), Some(Error::malformed(sentence).with_path(path).with_source(source)))
-            }
+            Err(source) => (Self::default(), Some(set_aside(path, "the settings", source))),
         }
     }
 
@@ -296,6 +296,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
         out.write_all(bytes)?;
         out.get_ref().set_permissions(permissions)
     })
+}
+
+/// The user's folder.
+pub(crate) fn home_folder() -> Option<PathBuf> {
+    std::env::var_os("HOME").or_else(|| std::env::var_os("USERPROFILE")).map(PathBuf::from)
 }
 
 /// `name-001.ext`, `name-002.ext` ...: the first that does not exist in a folder, and is not one of `taken`.

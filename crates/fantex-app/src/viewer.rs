@@ -218,8 +218,7 @@ pub struct Viewer {
     brush_drag: Option<keys::BrushDrag>,
     /// All is shown when the brush's key is let go.
     frames_on_release: bool,
-    /// The user was told what is lost by this, and when.
-    warned: Option<(leaving::Departure, f64)>,
+    warned: Option<leaving::Warned>,
     /// The shading to go back to when nothing is seen instead of the base colour any more.
     shading_before_alone: Option<ShadingView>,
     /// What was opened has not been framed yet with the panels that it brings.
@@ -300,6 +299,11 @@ impl Viewer {
 
     pub fn background(&self) -> Background {
         self.settings.light.background(self.map_in_use())
+    }
+
+    /// Whether shading, overlay and lines can be chosen: looks are drawn as they are.
+    pub fn has_display(&self) -> bool {
+        self.live.is_none()
     }
 
     /// Whether surroundings are being read or computed.
@@ -492,7 +496,8 @@ impl Viewer {
             Command::Quit => self.request(Request::Quit),
             Command::Export => self.ask_export(),
             Command::SaveCopy => self.ask_copy(),
-            Command::Screenshot => self.request_picture(1),
+            Command::Save if self.live.is_some() => self.save_look(),
+            Command::Save | Command::Screenshot => self.request_picture(1),
             Command::LargeScreenshot(times) => self.request_picture(times),
             Command::WindowScreenshot => {
                 let path = self.next_picture(&format!("{}-window", self.stem()));
@@ -509,6 +514,8 @@ impl Viewer {
             }
             Command::View(preset) => self.show(preset),
             Command::Mode(mode) => self.set_mode(mode),
+            Command::StepOverlay(_) | Command::StepShading(_) | Command::ToggleWireframe
+                if !self.has_display() => {}
             Command::StepOverlay(by) => self.settings.display.step_overlay(by),
             Command::StepShading(by) => self.settings.display.step_shading(by),
             Command::ToggleWireframe => toggle(&mut self.settings.display.has_wireframe),
@@ -594,10 +601,17 @@ impl Viewer {
         }
     }
 
-    /// The document's name without extension, for names of pictures.
+    /// The name of what is shown, for titles.
+    pub fn shown_name(&self) -> Option<String> {
+        match &self.live {
+            Some(live) => Some(live.path().file_name()?.to_string_lossy().into_owned()),
+            None => self.document.as_ref().map(|document| document.place.name()),
+        }
+    }
+
+    /// The same without extension, for names of pictures.
     pub fn stem(&self) -> String {
-        let live = self.live.as_ref().map(|live| live.path().to_owned());
-        let name = live.or(self.document.as_ref().map(|document| PathBuf::from(document.place.name())));
+        let name = self.shown_name().map(PathBuf::from);
         name.and_then(|n| n.file_stem().map(|s| s.to_string_lossy().into_owned())).unwrap_or("fantex".into())
     }
 

@@ -41,7 +41,8 @@ pub enum Question {
 pub enum Answer {
     /// Make an asset, where there is none.
     New(NewAsset),
-    /// Make a new one, and paint on it what was painted on the one that is there, which is kept under another name.
+    /// Make a new one, which has the channels of the one that is there, too, and paint on it what was painted on that, which is kept
+    /// under another name.
     Replay(NewAsset),
     /// Paint on the one that is there, whatever it was made of.
     Keep,
@@ -146,12 +147,14 @@ fn replay_onto(
 ) -> Result<()> {
     // Nobody else is to paint on the old one meanwhile.
     let lock = WriterLock::acquire(path)?;
-    let log = StrokeLog::of(&Asset::open(path)?)?;
+    let before = Asset::open(path)?;
+    let (log, new) = (StrokeLog::of(&before)?, new.clone().with_channels_of(&before));
+    drop(before);
     // In the same folder, from which the looks of its log are found.
     let made = temporary_file(path, ".fan").map_err(|source| Error::writing(path, source))?.into_temp_path();
     // Only the name is needed.
     std::fs::remove_file(&made).map_err(|source| Error::writing(path, source))?;
-    let told = make_asset(mesh, new, &made, progress)?;
+    let told = make_asset(mesh, &new, &made, progress)?;
     let mut painter = Painter::open(&made, &PaintOptions { memory_bytes, history: true })?;
     let summary = log.replay(&mut painter)?;
     painter.commit()?;

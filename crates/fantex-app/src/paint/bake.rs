@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use fantex::bake::Progress;
 use fantex::base::Result;
 use fantex::glam::Vec4;
-use fantex::store::ChannelKind;
+use fantex::store::{Asset, ChannelKind};
 use fantex::{Baker, LongestEdge, Mesh, Source};
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +36,17 @@ pub struct NewAsset {
 }
 
 impl NewAsset {
+    /// With the channels of an asset, too.
+    pub(super) fn with_channels_of(self, asset: &Asset) -> Self {
+        let has = |kind| asset.channel_of_kind(kind).is_some();
+        Self {
+            emission: self.emission || has(ChannelKind::Emission),
+            normal: self.normal || has(ChannelKind::Normal),
+            height: self.height || has(ChannelKind::Displacement),
+            ..self
+        }
+    }
+
     /// Kinds of channels that it is to have in any case, with what they are where the model does not say.
     fn channels(&self) -> impl Iterator<Item = (ChannelKind, Vec4)> {
         let black = Vec4::new(0.0, 0.0, 0.0, 1.0);
@@ -83,7 +94,6 @@ mod tests {
     use fantex::bake::NoProgress;
     use fantex::mesh::Material;
     use fantex::mesh::generate::{cube, torus};
-    use fantex::store::Asset;
 
     use super::*;
 

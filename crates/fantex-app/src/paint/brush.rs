@@ -6,7 +6,7 @@ use fantex::base::{Error, ErrorKind, Result};
 use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp, Tip};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::settings::{continued, read_limited, write_whole};
+use crate::settings::{continued, read_limited, set_aside, write_whole};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -278,20 +278,15 @@ impl Presets {
     /// Reads presets; the usual ones where there is no file.
     ///
     /// # Errors
-    /// There is a file that cannot be read.
+    /// There is a file that cannot be read. A damaged one is renamed.
     pub fn load(path: &Path) -> Result<Self> {
         let text = match read_limited(path, MAX_FILE_BYTES, "the brushes") {
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
             Err(error) => return Err(continued(error, "; there are the usual ones")),
         };
-        serde_json::from_slice::<Self>(&text).map(Self::with_own).map_err(|source| {
-            let name = path.display();
-            let sentence = format!(
-                "the brushes {name} are damaged ({source}); there are the usual ones, and the file stays until one is saved"
-            );
-            Error::malformed(sentence).with_path(path).with_source(source)
-        })
+        let read = serde_json::from_slice::<Self>(&text).map(Self::with_own);
+        read.map_err(|source| set_aside(path, "the brushes", source))
     }
 
     /// With those of the program's own brushes that were never among them.
@@ -306,6 +301,17 @@ impl Presets {
             }
         }
         self
+    }
+
+    /// Whether one of the program's own brushes was deleted.
+    pub fn lacks_own(&self) -> bool {
+        own_brushes().iter().any(|own| self.brushes.iter().all(|brush| brush.name != own.name))
+    }
+
+    /// Brings those of the program's own brushes back that were deleted.
+    pub fn restore(&mut self) {
+        self.offered.clear();
+        *self = std::mem::take(self).with_own();
     }
 
     /// Writes them, whole or not at all.

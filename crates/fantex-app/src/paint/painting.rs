@@ -366,12 +366,18 @@ impl Painting {
         self.change_presets(|presets| presets.brushes.retain(|brush| brush.name != name), notices);
     }
 
+    /// Brings the program's own brushes back, on the disk too.
+    pub fn restore_brushes(&mut self, notices: &mut Notices) {
+        self.change_presets(Presets::restore, notices);
+    }
+
     /// Changes the presets as they are on the disk: other windows keep theirs there, too.
     fn change_presets(&mut self, change: impl FnOnce(&mut Presets), notices: &mut Notices) {
-        let file = self.presets_file.as_deref();
-        // A file that is damaged or gone takes those that are known here.
-        if let Some(presets) = file.filter(|file| file.exists()).and_then(|file| Presets::load(file).ok()) {
-            self.presets = presets;
+        // In the place of a file that is damaged or gone those that are known here are written.
+        match self.presets_file.as_deref().filter(|file| file.exists()).map(Presets::load) {
+            None => {}
+            Some(Ok(presets)) => self.presets = presets,
+            Some(Err(error)) => notices.warning(error.to_string()),
         }
         change(&mut self.presets);
         if let Some(Err(error)) = self.presets_file.as_deref().map(|file| self.presets.save(file)) {
@@ -426,10 +432,13 @@ impl Painting {
                     self.work = work;
                 }
                 Report::Save(state) => {
-                    if let SaveState::Failed(reason) = &state
-                        && state != self.save
-                    {
-                        notices.error(reason.clone());
+                    if state != self.save {
+                        if let SaveState::Failed(before) = &self.save {
+                            notices.take_back(before);
+                        }
+                        if let SaveState::Failed(reason) = &state {
+                            notices.error(reason.clone());
+                        }
                     }
                     if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
                         notices.info("Saved: all that was painted is on the disk.");

@@ -168,12 +168,16 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
         }
         Question::Foreign { asset, triangles: [ours, theirs], texels, strokes } => {
             title(ui, format!("{} is of another mesh", name(asset)));
-            let [ours, theirs] = [ours, theirs].map(|&count| grouped(count as u64));
-            ui.label(format!(
-                "{model} has {ours} triangles, the asset's mesh {theirs}, or they lie elsewhere. The asset has {} strokes in \
-                 its log.",
-                grouped(*strokes as u64)
-            ));
+            let counts = [ours, theirs].map(|&count| grouped(count as u64));
+            let difference = match counts {
+                [ours, theirs] if ours != theirs => {
+                    format!("{model} has {ours} triangles, the asset's mesh {theirs}.")
+                }
+                [both, _] => {
+                    format!("{model} and the asset's mesh have {both} triangles, but at other places.")
+                }
+            };
+            ui.label(format!("{difference} The asset has {} strokes in its log.", grouped(*strokes as u64)));
             texel_row(ui, &mut new.texels, Some(*texels), "as it has");
             ui.horizontal_wrapped(|ui| {
                 let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
@@ -198,6 +202,7 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
 fn texel_row(ui: &mut Ui, texels: &mut Option<u64>, own: Option<u64>, why: &str) {
     let first = own.map_or("8 million".into(), |own| format!("{:.1} million, {why}", own as f64 * 1e-6));
     let mut all = vec![(None, first)];
-    all.extend(MILLIONS.map(|n| (Some(n * 1_000_000), format!("{n} million"))));
+    let others = MILLIONS.into_iter().filter(|&n| own.is_some() || n != 8);
+    all.extend(others.map(|n| (Some(n * 1_000_000), format!("{n} million"))));
     row(ui, "Texels", |ui| choice(ui, "new texels", texels, &all));
 }

@@ -170,6 +170,9 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         item(ui, (is_asset, is_painting), "Save a copy…", Command::SaveCopy, commands);
         item(ui, (is_asset, is_painting), "Export…", Command::Export, commands);
         ui.separator();
+        if let Some(live) = &viewer.live {
+            item(ui, (live.is_changed(), is_painting), "Save the look", Command::Save, commands);
+        }
         item(ui, (has_scene, is_painting), "Save picture", Command::Screenshot, commands);
         item(ui, (has_document, is_painting), "Save large picture", Command::LargeScreenshot(4), commands);
         item(ui, (true, is_painting), "Save picture of the window", Command::WindowScreenshot, commands);
@@ -226,19 +229,24 @@ fn check(ui: &mut Ui, is_on: bool, text: &str, command: Command, commands: &mut 
 
 fn choices(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Command>) {
     let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    let has_display = viewer.has_display();
     let display = &mut viewer.settings.display;
     if parts.contains(&Part::Shading) {
-        named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
+        ui.add_enabled_ui(has_display, |ui| {
+            named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
+        });
     }
     if parts.contains(&Part::Overlay) {
         ui.add_enabled_ui(is_streamed, |ui| {
             named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
         });
     }
-    if parts.contains(&Part::Wireframe)
-        && switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)")
-    {
-        commands.push(Command::ToggleWireframe);
+    if parts.contains(&Part::Wireframe) {
+        ui.add_enabled_ui(has_display, |ui| {
+            if switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)") {
+                commands.push(Command::ToggleWireframe);
+            }
+        });
     }
 }
 
@@ -305,9 +313,12 @@ fn more(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Com
         }
     }
     let is_streamed = viewer.document.as_ref().is_some_and(Document::is_streamed);
+    let has_display = viewer.has_display();
     let display = &mut viewer.settings.display;
     if lacks(Part::Shading) {
-        ui.menu_button("Shading", |ui| one_of(ui, &mut display.shading, &ShadingView::ALL));
+        ui.add_enabled_ui(has_display, |ui| {
+            ui.menu_button("Shading", |ui| one_of(ui, &mut display.shading, &ShadingView::ALL));
+        });
     }
     if lacks(Part::Overlay) {
         ui.add_enabled_ui(is_streamed, |ui| {
@@ -315,7 +326,9 @@ fn more(ui: &mut Ui, viewer: &mut Viewer, parts: &[Part], commands: &mut Vec<Com
         });
     }
     if lacks(Part::Wireframe) {
-        check(ui, display.has_wireframe, "Wireframe", Command::ToggleWireframe, commands);
+        ui.add_enabled_ui(has_display, |ui| {
+            check(ui, display.has_wireframe, "Wireframe", Command::ToggleWireframe, commands);
+        });
     }
 }
 
@@ -356,12 +369,7 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
             figures(ui, viewer, width);
             // What is left of the line, in the order in which it is read; the hint is cut where that is too little.
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                let look = viewer.live.as_ref().and_then(|live| live.path().file_name());
-                let name = match (look, &viewer.document) {
-                    (Some(name), _) => name.to_string_lossy().into_owned(),
-                    (None, Some(document)) => document.place.name(),
-                    (None, None) => "Nothing is open".into(),
-                };
+                let name = viewer.shown_name().unwrap_or_else(|| "Nothing is open".into());
                 ui.add(Label::new(RichText::new(name).color(theme::TEXT)).truncate());
                 if let Some((text, color)) = path_state(viewer) {
                     ui.separator();
@@ -439,7 +447,12 @@ fn figures(ui: &mut Ui, viewer: &Viewer, width: f32) {
         } else if figures.is_sharp() {
             ("Sharp".to_owned(), theme::GOOD)
         } else {
-            (format!("{} parcels to come", figures.missing), theme::WARNING)
+            let objects = figures.objects.as_ref().map_or(0, |objects| objects.missing);
+            let text = match figures.missing {
+                0 => format!("{objects} objects to come"),
+                parcels => format!("{parcels} parcels to come"),
+            };
+            (text, theme::WARNING)
         };
         ui.label(RichText::new(text).color(color));
     }

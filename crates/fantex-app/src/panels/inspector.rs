@@ -228,11 +228,7 @@ fn camera(ui: &mut Ui, viewer: &mut Viewer) {
         }
     }
     let point = |p: fantex::glam::DVec3| p.to_array().map(short_number).join(", ");
-    facts(
-        ui,
-        "camera facts",
-        [("At", point(viewer.rig.eye)), ("PictureState at", point(viewer.rig.pivot()))],
-    );
+    facts(ui, "camera facts", [("At", point(viewer.rig.eye)), ("Looks at", point(viewer.rig.pivot()))]);
 }
 
 fn path(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {

@@ -32,7 +32,7 @@ pub(super) fn picture(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
         .fixed_pos(rect.left_top() + vec2(12.0, 12.0));
     area.pivot(Align2::LEFT_TOP).show(ui.ctx(), |ui| {
         card().stroke(Stroke::new(1.0, theme::ERROR)).corner_radius(CornerRadius::same(6)).show(ui, |ui| {
-            ui.set_max_width((rect.width() - 60.0).clamp(160.0, 560.0));
+            ui.set_max_width((rect.width() - 60.0).clamp(60.0, 560.0));
             ui.label(RichText::new(error).color(theme::TEXT).monospace());
             hint(ui, "The picture shows the look as it was before.");
         });
@@ -46,12 +46,11 @@ pub(super) fn numbers(ui: &mut Ui, viewer: &mut Viewer) {
     ui.label(RichText::new(name).heading().color(theme::STRONG));
     hint(ui, "The picture follows the file. What is changed here is in the file once it is saved.");
     live.notes.iter().for_each(|note| hint(ui, note));
-    let mut saved = None;
+    let mut is_saved = false;
     ui.horizontal(|ui| {
         ui.add_enabled_ui(live.is_changed(), |ui| {
-            if ui.button("Save").on_hover_text("Write the numbers into the file").clicked() {
-                saved = Some(live.save());
-            }
+            let tip = "Write the numbers into the file (Ctrl + S)";
+            is_saved = ui.button("Save").on_hover_text(tip).clicked();
             if ui.button("Discard").on_hover_text("The numbers of the file again").clicked() {
                 live.discard();
             }
@@ -75,8 +74,8 @@ pub(super) fn numbers(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some((index, value)) = changed {
         live.set(index, value);
     }
-    if let Some(Err(error)) = saved {
-        viewer.notices.error(error.to_string());
+    if is_saved {
+        viewer.save_look();
     }
 }
 

@@ -54,19 +54,31 @@ pub struct Shown {
     pub atlas_channel: Option<usize>,
 }
 
+/// The least width and the most of the inspector, and the least of the atlas, points. Where there is no room for that they are left out.
+const INSPECTOR_POINTS: [f32; 2] = [290.0, 480.0];
+const MIN_ATLAS_POINTS: f32 = 200.0;
+
+/// What the scene keeps of the window's width at least.
+const SCENE_SHARE: f32 = 0.4;
+
+/// Points that panels may still take from the scene's width.
+fn room_beside_scene(ui: &egui::Ui) -> f32 {
+    ui.available_width() - SCENE_SHARE * ui.ctx().content_rect().width()
+}
+
 /// Draws the whole window. `seconds` is the time of the frame.
 pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Shown {
     let panels = viewer.settings.panels;
     Panel::top("bar").frame(bar_frame()).show(ui, |ui| bar::show(ui, viewer));
     Panel::bottom("status").frame(bar_frame()).show(ui, |ui| bar::show_status(ui, viewer));
+    let room = room_beside_scene(ui);
     // While something is painted on, its own panels need the room.
-    if panels.has_inspector && viewer.painting.is_none() {
-        Panel::right("inspector").frame(panel_frame()).default_size(320.0).size_range(290.0..=480.0).show(
-            ui,
-            |ui| {
-                if viewer.live.is_some() { live::numbers(ui, viewer) } else { inspector::show(ui, viewer) }
-            },
-        );
+    if panels.has_inspector && viewer.painting.is_none() && room >= INSPECTOR_POINTS[0] {
+        let [least, most] = INSPECTOR_POINTS;
+        let sizes = least..=most.min(room);
+        Panel::right("inspector").frame(panel_frame()).default_size(320.0).size_range(sizes).show(ui, |ui| {
+            if viewer.live.is_some() { live::numbers(ui, viewer) } else { inspector::show(ui, viewer) }
+        });
     }
     if panels.has_graphs {
         Panel::bottom("graphs")
@@ -76,13 +88,13 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Show
             .show(ui, |ui| streaming::show_graphs(ui, viewer));
     }
     let mut atlas_channel = None;
-    if panels.has_atlas {
-        // The scene keeps at least half of what is left.
-        let widest = (ui.available_width() * 0.5).max(200.0);
+    // The scene keeps at least half of what is left.
+    let widest = room_beside_scene(ui).min(0.5 * ui.available_width());
+    if panels.has_atlas && widest >= MIN_ATLAS_POINTS {
         Panel::right("atlas")
             .frame(panel_frame())
             .default_size(340.0)
-            .size_range(200.0..=widest)
+            .size_range(MIN_ATLAS_POINTS..=widest)
             .show(ui, |ui| atlas_channel = streaming::show_atlas(ui, viewer, &textures.atlas));
     }
     if viewer.painting.is_some() {

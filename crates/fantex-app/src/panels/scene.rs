@@ -2,7 +2,7 @@
 
 use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
-    Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
+    Pos2, Rect, RichText, ScrollArea, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
 };
 use fantex::glam::DVec2;
 
@@ -83,7 +83,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
     let side_drag = drag(PointerButton::Secondary) + middle_drag;
     let is_double_click = response.double_clicked();
     // Keys that are typed into a field are not for the camera.
-    let has_keys = !ui.ctx().egui_wants_keyboard_input();
+    let has_keys = !ui.ctx().text_edit_focused();
     ui.input(|i| {
         let held = |key: Key| f64::from(u8::from(has_keys && i.key_down(key) && !i.modifiers.command));
         SceneInput {
@@ -112,9 +112,27 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
     })
 }
 
+/// Whether the presses of the first button in this frame were on the scene, not on what lies over it or beside it, in order.
+fn presses(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<bool> {
+    let place = |event: &egui::Event| match event {
+        egui::Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => Some(*pos),
+        _ => None,
+    };
+    let (places, last) = ui.input(|i| {
+        let places: Vec<Pos2> = i.events.iter().filter_map(place).collect();
+        (places, i.pointer.latest_pos())
+    });
+    let is_on_scene = |at: Pos2| {
+        let is_on_top = ui.ctx().layer_id_at(at).is_none_or(|layer| layer == ui.layer_id());
+        // Where the pointer still is, edges of panels are known, too.
+        rect.contains(at) && is_on_top && (last != Some(at) || response.contains_pointer())
+    };
+    places.into_iter().map(is_on_scene).collect()
+}
+
 /// What the pen or the first button did in this frame, every move of it.
 fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<PenEvent> {
-    let can_start = response.contains_pointer();
+    let mut presses = presses(ui, response, rect).into_iter();
     let pressure_id = Id::unique("pen pressure");
     let mut pressure = ui.data(|data| data.get_temp::<f32>(pressure_id)).unwrap_or(1.0);
     let share = |at: Pos2| {
@@ -143,7 +161,7 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect, viewer: &Viewer) -> Vec<P
                     continue;
                 }
                 egui::Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => {
-                    if !(can_start && rect.contains(*pos)) {
+                    if presses.next() != Some(true) {
                         continue;
                     }
                     (if is_covered(*pos) { PenPhase::Turn } else { PenPhase::Down }, *pos)
@@ -214,7 +232,7 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
         .pivot(Align2::CENTER_CENTER)
         .show(ui.ctx(), |ui| {
             card().show(ui, |ui| {
-                ui.set_width(320.0);
+                ui.set_width(320.0f32.min(rect.width() - 40.0));
                 ui.horizontal(|ui| {
                     ui.add(Spinner::new().size(18.0));
                     ui.label(RichText::new(short_place(&opening.place().name())).color(theme::STRONG));
@@ -312,11 +330,15 @@ fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     Area::new(Id::unique("notices")).order(Order::Middle).fixed_pos(at).pivot(Align2::LEFT_BOTTOM).show(
         ui.ctx(),
         |ui| {
-            for (i, notice) in shown.iter().enumerate() {
-                if notice_card(ui, notice, rect.width()) {
-                    dismissed = Some(i);
+            // Not what they took in the last frame: there may be more of them.
+            ui.set_max_height((rect.height() - 24.0).max(20.0));
+            ScrollArea::vertical().stick_to_bottom(true).show(ui, |ui| {
+                for (i, notice) in shown.iter().enumerate() {
+                    if notice_card(ui, notice, rect.width()) {
+                        dismissed = Some(i);
+                    }
                 }
-            }
+            });
         },
     );
     if let Some(i) = dismissed {
@@ -333,7 +355,7 @@ fn notice_card(ui: &mut Ui, notice: &Notice, width: f32) -> bool {
     };
     let mut is_dismissed = false;
     card().stroke(Stroke::new(1.0, color.gamma_multiply(0.6))).show(ui, |ui| {
-        ui.set_width((width - 60.0).clamp(180.0, 440.0));
+        ui.set_width((width - 60.0).clamp(60.0, 440.0));
         ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
             is_dismissed = ui.small_button("×").on_hover_text("Dismiss").clicked();
             ui.with_layout(Layout::left_to_right(Align::Min), |ui| {

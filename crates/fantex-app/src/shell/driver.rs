@@ -5,14 +5,13 @@ use std::path::Path;
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
 use fantex::base::Result;
 use fantex::glam::DVec3;
-use fantex::paint::{Layer, LayerPlace, Target};
 use fantex::scene::Camera;
 
 use crate::command::{Command, parse_keys};
 use crate::export::ExportSettings;
 use crate::light::Surroundings;
-use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
-use crate::session::{Act, LayerStep, SessionRunner, Situation, Step};
+use crate::paint::{PaintCommand, Painting, SaveState, StickerKind, parse_hex};
+use crate::session::{Act, SessionRunner, Situation, Step};
 use crate::viewer::{PathState, PictureSize, Request, Viewer};
 
 /// Frames over which a drag is spread.
@@ -199,7 +198,7 @@ impl Driver {
                 let at = scene_point(ctx, viewer, point);
                 self.input.coming.push_back(vec![Event::PointerMoved(at)]);
             }
-            Step::Layer(step) => layer_step(viewer, step),
+            Step::Layer(step) => viewer.layer_step(step)?,
             Step::Texture(texture) => viewer.settings.paint.texture = texture,
             Step::Stencil(stencil) => viewer.settings.paint.stencil = stencil,
             Step::AdjustStencil(is_adjusted) => {
@@ -250,44 +249,6 @@ fn fit_stencil(viewer: &mut Viewer) {
     if let Some(Ok(Some(picture))) = viewer.painting.as_mut().map(|painting| painting.stencil(stencil)) {
         stencil.fit([picture.aspect(), aspect]);
     }
-}
-
-fn layer_step(viewer: &mut Viewer, step: LayerStep) {
-    let Some(painting) = &viewer.painting else { return };
-    let chosen = painting.layer().map_or(u64::MAX, Layer::id);
-    let find =
-        |name: &str| painting.snapshot.layers.iter().find(|l| l.name == name).map_or(u64::MAX, Layer::id);
-    let action = match step {
-        LayerStep::Add => LayerAction::Add,
-        LayerStep::AddFill => LayerAction::AddFill(false),
-        LayerStep::AddFillEverywhere => LayerAction::AddFill(true),
-        LayerStep::Refill => LayerAction::Refill(chosen),
-        LayerStep::Select(name) if name == "base" => LayerAction::Select(Target::Base),
-        LayerStep::Select(name) => LayerAction::Select(Target::Layer(find(&name))),
-        LayerStep::SelectMask(name) => LayerAction::Select(Target::Mask(find(&name))),
-        LayerStep::Rename(name) => LayerAction::Rename(chosen, name),
-        LayerStep::Opacity(opacity) => LayerAction::Opacity(chosen, opacity),
-        LayerStep::Blend(mode) => LayerAction::Blend(chosen, mode),
-        LayerStep::Show(is_shown) => LayerAction::Show(chosen, is_shown),
-        LayerStep::AddMask(shows) => LayerAction::AddMask(chosen, shows),
-        LayerStep::MakeMask(source) => LayerAction::MakeMask(chosen, Some(source)),
-        LayerStep::InvertMask => LayerAction::InvertMask(chosen),
-        LayerStep::RemoveMask => LayerAction::RemoveMask(chosen),
-        LayerStep::SeeMask(is_seen) => LayerAction::SeeMask(is_seen.then_some(chosen)),
-        LayerStep::Duplicate => LayerAction::Duplicate(chosen),
-        LayerStep::MergeDown => LayerAction::MergeDown(chosen),
-        LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
-        LayerStep::Group => LayerAction::Group(chosen),
-        LayerStep::Ungroup => LayerAction::Ungroup(chosen),
-        LayerStep::MergeGroup => LayerAction::MergeGroup(chosen),
-        LayerStep::GroupKind(kind) => LayerAction::GroupKind(chosen, kind),
-        LayerStep::Collapse(is_collapsed) => LayerAction::Collapse(chosen, is_collapsed),
-        LayerStep::MoveInto(name) => LayerAction::MoveTo(chosen, LayerPlace::Into(find(&name)), false),
-        LayerStep::MoveAbove(name) => LayerAction::MoveTo(chosen, LayerPlace::Above(find(&name)), false),
-        LayerStep::MoveBelow(name) => LayerAction::MoveTo(chosen, LayerPlace::Below(find(&name)), false),
-        LayerStep::Delete => LayerAction::Delete(chosen),
-    };
-    viewer.layer_action(&action);
 }
 
 /// A picture of an earlier session must not pass for this one's.

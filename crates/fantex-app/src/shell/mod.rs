@@ -19,13 +19,13 @@ use fantex::base::text::parse_number;
 use fantex::base::{Error, Result};
 use fantex::gpu::Gpu;
 use fantex::texture::Image;
-use workspace::{Start, Workspace};
+use workspace::{Answer, Start, Workspace};
 
 use crate::document::Place;
 use crate::panels::{AtlasTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
 use crate::session::Session;
-use crate::settings::{Settings, WindowSettings};
+use crate::settings::{Settings, WindowSettings, home_folder};
 use crate::viewer::{PictureSize, Request};
 use crate::{panels, theme};
 
@@ -228,7 +228,7 @@ impl<'a> Shell<'a> {
 
     /// A picture of the clipboard; not while something is typed.
     fn pasted_pictures(&mut self, ctx: &egui::Context) {
-        if ctx.egui_wants_keyboard_input() {
+        if ctx.text_edit_focused() {
             return;
         }
         let is_picture = |event: &egui::Event| match event {
@@ -295,11 +295,11 @@ impl<'a> Shell<'a> {
 
     fn answers(&mut self) {
         let Workspace { dialogs, viewer, .. } = &mut *self.workspace;
-        for (dialog, path) in dialogs.poll() {
-            match path {
-                Some(path) => viewer.take_file(dialog, path),
-                None => viewer.notices.warning(
-                    "This system shows no file dialog: drop the file onto the window, or name it on the command line."),
+        for (dialog, answer) in dialogs.poll() {
+            match answer {
+                Answer::Chosen(path) => viewer.take_file(dialog, path),
+                Answer::Cancelled => {}
+                Answer::NotShown => viewer.go_on_without(dialog),
             }
         }
     }
@@ -385,14 +385,10 @@ impl<'a> Shell<'a> {
     }
 
     fn show_title(&mut self, ctx: &egui::Context) {
-        let title = match &self.workspace.viewer.document {
-            Some(document) if self.workspace.viewer.painting.is_some() => {
-                format!("{} – fantex paint", document.place.name())
-            }
-            Some(document) => format!("{} – fantex", document.place.name()),
-            None if self.workspace.viewer.live.is_some() => {
-                format!("{} – fantex", self.workspace.viewer.stem())
-            }
+        let viewer = &self.workspace.viewer;
+        let title = match viewer.shown_name() {
+            Some(name) if viewer.painting.is_some() => format!("{name} – fantex paint"),
+            Some(name) => format!("{name} – fantex"),
             None => "fantex".to_owned(),
         };
         if title != self.title {
@@ -605,8 +601,7 @@ impl Arguments {
 
     /// Where pictures are saved.
     fn picture_folder(&self) -> PathBuf {
-        let home = std::env::var_os("HOME").or_else(|| std::env::var_os("USERPROFILE"));
-        let pictures = home.map(|home| PathBuf::from(home).join("Pictures")).filter(|folder| folder.is_dir());
+        let pictures = home_folder().map(|home| home.join("Pictures")).filter(|folder| folder.is_dir());
         let here = || std::env::current_dir().unwrap_or_default();
         self.pictures.clone().or(pictures).unwrap_or_else(here)
     }

@@ -190,11 +190,19 @@ impl Workspace {
     }
 }
 
-/// A dialog that is gone after so few seconds was never shown.
-const SHOWN_SECONDS: f64 = 0.25;
+/// A dialog that is gone sooner was never shown.
+const MIN_SHOWN: Duration = Duration::from_millis(250);
+
+/// What came of a dialog.
+pub(super) enum Answer {
+    Chosen(PathBuf),
+    Cancelled,
+    /// This system shows no dialogs.
+    NotShown,
+}
 
 pub(super) struct Dialogs {
-    open: Vec<(FileDialog, Job<Option<PathBuf>>)>,
+    open: Vec<(FileDialog, Job<Answer>)>,
     wake: Wake,
 }
 
@@ -233,11 +241,16 @@ impl Dialogs {
             _ => None,
         };
         let work = move || {
+            let begun = Instant::now();
             let handle = match name {
                 Some(name) => pollster::block_on(window.set_file_name(name).save_file()),
                 None => pollster::block_on(window.pick_file()),
             };
-            handle.map(|handle| handle.path().to_owned())
+            match handle {
+                Some(handle) => Answer::Chosen(handle.path().to_owned()),
+                None if begun.elapsed() < MIN_SHOWN => Answer::NotShown,
+                None => Answer::Cancelled,
+            }
         };
         let wake = self.wake.clone();
         if let Ok(job) = Job::spawn("dialog", move || wake(), work) {
@@ -245,18 +258,16 @@ impl Dialogs {
         }
     }
 
-    /// What was chosen since the last call; none where this system shows no dialogs.
-    pub(super) fn poll(&mut self) -> Vec<(FileDialog, Option<PathBuf>)> {
+    /// What was answered since the last call.
+    pub(super) fn poll(&mut self) -> Vec<(FileDialog, Answer)> {
         let mut answers = Vec::new();
         self.open.retain(|(dialog, job)| {
-            let chosen = match job.poll() {
+            let answer = match job.poll() {
                 JobState::Running => return true,
-                JobState::Done(chosen) => chosen,
-                JobState::Lost => None,
+                JobState::Done(answer) => answer,
+                JobState::Lost => Answer::NotShown,
             };
-            if chosen.is_some() || job.seconds() < SHOWN_SECONDS {
-                answers.push((dialog.clone(), chosen));
-            }
+            answers.push((dialog.clone(), answer));
             false
         });
         answers

@@ -36,7 +36,7 @@ pub(super) struct BrushDrag {
 impl Viewer {
     /// Does what the keys of this frame ask for.
     pub fn keys(&mut self, ctx: &Context) {
-        let is_typing = ctx.egui_wants_keyboard_input();
+        let is_typing = ctx.text_edit_focused();
         let key_of = |event: &Event| match event {
             Event::Key { key, pressed, repeat, modifiers, .. } => {
                 let phase = match (pressed, repeat) {
@@ -125,6 +125,7 @@ fn is_beside_text(command: &Command) -> bool {
             | Command::Quit
             | Command::Export
             | Command::SaveCopy
+            | Command::Save
             | Command::Screenshot
             | Command::LargeScreenshot(_)
             | Command::WindowScreenshot

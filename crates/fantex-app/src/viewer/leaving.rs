@@ -17,6 +17,15 @@ pub(super) enum Departure {
     Open(Box<Wanted>),
 }
 
+/// The user was told what is lost by a departure.
+#[derive(Clone, Debug)]
+pub(super) struct Warned {
+    departure: Departure,
+    /// When, seconds.
+    at: f64,
+    text: String,
+}
+
 impl Departure {
     /// What loses something all the same.
     fn again(&self) -> &'static str {
@@ -80,8 +89,11 @@ impl Viewer {
     pub(super) fn poll_leaving(&mut self) {
         let is_failed = |painting: &Painting| matches!(painting.save, SaveState::Failed(_));
         let is_lost = self.painting.as_ref().is_some_and(is_failed) || self.changed_look().is_some();
-        if !is_lost && self.unwritten().is_none() {
-            self.warned = None;
+        if !is_lost
+            && self.unwritten().is_none()
+            && let Some(warned) = self.warned.take()
+        {
+            self.notices.take_back(&warned.text);
         }
         match self.departure.take() {
             None => {}
@@ -120,16 +132,33 @@ impl Viewer {
         Some(format!("What was changed of {name} is not saved."))
     }
 
+    /// Writes what was changed of a look into its file.
+    pub fn save_look(&mut self) {
+        let Some(live) = &mut self.live else { return };
+        let path = live.path().display().to_string();
+        if !live.is_changed() {
+            return self.notices.info(format!("{path} has all that is shown."));
+        }
+        match live.save() {
+            Ok(()) => self.notices.info(format!("Saved {path}.")),
+            Err(error) => self.notices.error(error.to_string()),
+        }
+    }
+
     /// Tells what a departure loses; true where that was told before.
     fn may_lose(&mut self, reason: &str, departure: Departure) -> bool {
         let now = self.now();
-        let is_told = |(told, at): &(Departure, f64)| *told == departure && now - at < WARNED_SECONDS;
+        let is_told = |warned: &Warned| warned.departure == departure && now - warned.at < WARNED_SECONDS;
         if self.warned.as_ref().is_some_and(is_told) {
             return true;
         }
         let (reason, again) = (reason.trim_end_matches('.'), departure.again());
-        self.notices.error(format!("{reason}. {again} to lose what is not saved."));
-        self.warned = Some((departure, now));
+        let text = format!("{reason}. {again} to lose what is not saved.");
+        if let Some(before) = &self.warned {
+            self.notices.take_back(&before.text);
+        }
+        self.notices.error(text.clone());
+        self.warned = Some(Warned { departure, at: now, text });
         false
     }
 }

@@ -328,6 +328,10 @@ impl Viewer {
                     self.fail_opening(error.to_string(), is_all);
                 }
                 self.stay();
+                if self.document.is_none() && matches!(wanted.answer, Some(Answer::Replay(_))) {
+                    // What was to be repeated is there as it was.
+                    self.begin(Wanted { answer: Some(Answer::Keep), ..wanted });
+                }
             }
         }
     }

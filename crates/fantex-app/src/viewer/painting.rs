@@ -2,10 +2,12 @@
 
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
+use fantex::paint::{Layer, LayerPlace, Target};
 
 use crate::camera::MoveInput;
 use crate::display::ShadingView;
 use crate::paint::{Alone, LayerAction, PaintCommand, PenEvent, PenPhase, Viewpoint};
+use crate::session::LayerStep;
 use crate::viewer::{SceneInput, Viewer};
 
 impl Viewer {
@@ -40,6 +42,60 @@ impl Viewer {
             self.notices.warning(reason);
         }
         self.light_alone();
+    }
+
+    /// A layer's step of a session.
+    ///
+    /// # Errors
+    /// There is no layer of the name that it says, or none is chosen.
+    pub fn layer_step(&mut self, step: LayerStep) -> Result<()> {
+        let Some(painting) = &self.painting else { return Ok(()) };
+        let chosen = || {
+            let none = || Error::not_found("no layer is chosen: the base is painted on");
+            painting.layer().map(Layer::id).ok_or_else(none)
+        };
+        let find = |name: &str| {
+            let none = || Error::not_found(format!("there is no layer named {name:?}"));
+            painting.snapshot.layers.iter().find(|l| l.name == name).map(Layer::id).ok_or_else(none)
+        };
+        let action = match step {
+            LayerStep::Add => LayerAction::Add,
+            LayerStep::AddFill => LayerAction::AddFill(false),
+            LayerStep::AddFillEverywhere => LayerAction::AddFill(true),
+            LayerStep::Refill => LayerAction::Refill(chosen()?),
+            LayerStep::Select(name) if name == "base" => LayerAction::Select(Target::Base),
+            LayerStep::Select(name) => LayerAction::Select(Target::Layer(find(&name)?)),
+            LayerStep::SelectMask(name) => LayerAction::Select(Target::Mask(find(&name)?)),
+            LayerStep::Rename(name) => LayerAction::Rename(chosen()?, name),
+            LayerStep::Opacity(opacity) => LayerAction::Opacity(chosen()?, opacity),
+            LayerStep::Blend(mode) => LayerAction::Blend(chosen()?, mode),
+            LayerStep::Show(is_shown) => LayerAction::Show(chosen()?, is_shown),
+            LayerStep::AddMask(shows) => LayerAction::AddMask(chosen()?, shows),
+            LayerStep::MakeMask(source) => LayerAction::MakeMask(chosen()?, Some(source)),
+            LayerStep::InvertMask => LayerAction::InvertMask(chosen()?),
+            LayerStep::RemoveMask => LayerAction::RemoveMask(chosen()?),
+            LayerStep::SeeMask(is_seen) => LayerAction::SeeMask(is_seen.then(chosen).transpose()?),
+            LayerStep::Duplicate => LayerAction::Duplicate(chosen()?),
+            LayerStep::MergeDown => LayerAction::MergeDown(chosen()?),
+            LayerStep::Move(is_up) => LayerAction::Move(chosen()?, is_up),
+            LayerStep::Group => LayerAction::Group(chosen()?),
+            LayerStep::Ungroup => LayerAction::Ungroup(chosen()?),
+            LayerStep::MergeGroup => LayerAction::MergeGroup(chosen()?),
+            LayerStep::GroupKind(kind) => LayerAction::GroupKind(chosen()?, kind),
+            LayerStep::Collapse(is_collapsed) => LayerAction::Collapse(chosen()?, is_collapsed),
+            LayerStep::MoveInto(name) => {
+                LayerAction::MoveTo(chosen()?, LayerPlace::Into(find(&name)?), false)
+            }
+            LayerStep::MoveAbove(name) => {
+                LayerAction::MoveTo(chosen()?, LayerPlace::Above(find(&name)?), false)
+            }
+            LayerStep::MoveBelow(name) => {
+                LayerAction::MoveTo(chosen()?, LayerPlace::Below(find(&name)?), false)
+            }
+            LayerStep::Delete => LayerAction::Delete(chosen()?),
+        };
+        self.layer_action(&action);
+        Ok(())
     }
 
     /// Shows the height alone, or no longer.

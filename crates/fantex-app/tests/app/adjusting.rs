@@ -3,6 +3,7 @@
 use eframe::egui::{Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2};
 use eframe::egui::{TouchDeviceId, TouchId, TouchPhase, Vec2, pos2, vec2};
 use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
 use fantex::glam::DVec3;
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::{Command, PAINT_GESTURES, keys_of};
@@ -278,4 +279,34 @@ fn a_touch_that_is_taken_back_lifts_the_pen() {
     assert!(is_down(&mut harness, vec![touch(2, TouchPhase::Cancel)]), "another finger");
     assert!(is_down(&mut harness, vec![Event::PointerGone]), "a mouse that leaves the window");
     assert!(!is_down(&mut harness, vec![touch(1, TouchPhase::Cancel), Event::PointerGone]));
+}
+
+/// Where the pen goes down counts, however far it is when the frame ends.
+#[test]
+fn strokes_begin_where_the_pen_goes_down() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = studio(folder.path());
+    harness.state_mut().show(ViewPreset::Top);
+    harness.state_mut().notices.error("The disk is full.");
+    harness.run_steps(2);
+    let viewer = harness.state();
+    let [[x, y], [width, height]] = [viewer.scene_corner, viewer.scene_pixels.map(|n| n as f32)];
+    let model = pos2(x + 0.5 * width, y + 0.82 * height);
+    let outside = pos2(0.5 * x, model.y);
+    let card = harness.get_by_label("The disk is full.").rect().center();
+    for (from, to, strokes) in [(card, model, 0), (model, outside, 1)] {
+        let pressed = |pos, pressed| Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        let events =
+            [Event::PointerMoved(from), pressed(from, true), Event::PointerMoved(to), pressed(to, false)];
+        // All in one frame.
+        harness.input_mut().events.extend(events);
+        harness.run_steps(1);
+        wait_painted(harness.state_mut());
+        assert_eq!(harness.state().painting.as_ref().unwrap().snapshot.done.len(), strokes);
+    }
 }

@@ -75,7 +75,9 @@ fn presets_come_back_from_the_disk() {
     assert_eq!(again, presets);
     assert_eq!(again.brushes.iter().filter(|b| b.name == "Mine").map(|b| b.size).collect::<Vec<_>>(), [9.0]);
     std::fs::write(&path, "{").unwrap();
-    assert!(Presets::load(&path).unwrap_err().to_string().contains("damaged"));
+    assert!(Presets::load(&path).unwrap_err().to_string().contains("set aside"));
+    let aside = folder.path().join("brushes.damaged.json");
+    assert!(!path.exists() && std::fs::read_to_string(aside).unwrap() == "{");
 }
 
 #[test]
@@ -117,6 +119,11 @@ fn new_brushes_of_the_program_come_once() {
     let again = Presets::load(&path).unwrap();
     assert_eq!(again, presets);
     assert!(again.brushes.iter().all(|brush| brush.name != "Sponge"));
+    // Until they are asked for.
+    assert!(again.lacks_own());
+    presets.restore();
+    assert!(!presets.lacks_own() && presets.brushes[0] == mine);
+    assert_eq!(presets.brushes.len(), Presets::default().brushes.len());
 }
 
 #[test]

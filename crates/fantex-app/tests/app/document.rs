@@ -114,7 +114,8 @@ fn a_model_asks_how_it_becomes_an_asset() {
     drop(asset);
     let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
     let text = r#"{ "version": 1, "strokes": [{ "brush": { "size": { "world": 0.5 }, "hardness": 1 },
-        "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 0, 1] } }],
+        "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 0, 1] } },
+            { "kind": "displacement", "color": { "linear": [1, 1, 1, 1] } }],
         "samples": [{ "at": { "position": [1.4, 0, 0] } }] }] }"#;
     std::fs::write(folder.path().join("strokes.json"), text).unwrap();
     let strokes = fantex::paint::StrokeFile::load(&folder.path().join("strokes.json")).unwrap();
@@ -141,6 +142,8 @@ fn a_model_asks_how_it_becomes_an_asset() {
     assert!(open(Some(Answer::Replay(new.clone()))).is_err());
     drop(other);
     assert_eq!((Asset::open(&path).unwrap().mesh().triangles.len(), files()), (576, before));
+    // It gets the old one's height.
+    let new = NewAsset { height: false, ..new };
     let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Replay(new))) else { panic!("it is asked again") };
     assert_eq!(files(), before + 2, "the old asset and the new one's lock");
     let (document, painter) = *ready;
@@ -148,5 +151,7 @@ fn a_model_asks_how_it_becomes_an_asset() {
     assert!(document.notes[0].contains("1 strokes"), "{:?}", document.notes);
     let old = Asset::open(&folder.path().join("torus-old-001.fan")).unwrap();
     assert_eq!(old.mesh().triangles.len(), 576);
-    assert_eq!(StrokeLog::of(painter.editor().asset()).unwrap().strokes.strokes.len(), 1);
+    let asset = painter.editor().asset();
+    assert_eq!(StrokeLog::of(asset).unwrap().strokes.strokes.len(), 1);
+    assert!(asset.channel_of_kind(ChannelKind::Displacement).is_some());
 }

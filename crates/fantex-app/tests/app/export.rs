@@ -220,6 +220,22 @@ fn copies_hold_what_is_painted_so_far() {
     assert!(contents(&original) == copied);
 }
 
+/// Where no file can be chosen there is a copy all the same, and it is told where.
+#[test]
+fn copies_find_their_names_where_there_are_no_dialogs() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut viewer, path) = painting_in(folder.path());
+    for name in ["torus-copy-001.fan", "torus-copy-002.fan"] {
+        viewer.go_on_without(FileDialog::SaveCopy(path.clone()));
+        wait_written(&mut viewer);
+        let copy = folder.path().join(name);
+        assert_eq!(contents(&copy).1, 0);
+        assert!(viewer.notices.log().any(|text| *text == format!("Saved {}.", copy.display())));
+    }
+    viewer.go_on_without(FileDialog::Open);
+    assert!(viewer.notices.log().last().unwrap().contains("drop the file onto the window"));
+}
+
 /// A viewer that paints on an asset, seen from above, and where that lies.
 fn painting_in(folder: &Path) -> (Viewer, PathBuf) {
     let mut viewer = with_painting(folder);

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use fantex::paint::{BlendMode, GroupKind, Layer, LayerContent, LayerPlace, Target};
 use fantex_app::paint::{LayerAction, LayerRow, PaintCommand, drop_place, layer_rows};
+use fantex_app::session::LayerStep;
 
 use crate::painting::Studio;
 
@@ -181,4 +182,17 @@ fn lists_leave_out_what_is_folded() {
     let closed = [(ids[2], 0, false), (group, 0, false)];
     assert_eq!(ids_of(&BTreeSet::from([group]), None), closed);
     assert_eq!(ids_of(&BTreeSet::new(), Some(group)), closed);
+}
+
+/// Steps of sessions that name a layer or need one say which is not there.
+#[test]
+fn steps_of_sessions_name_the_layer_that_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::with_painting(folder.path());
+    crate::panels::wait_painted(&mut viewer);
+    let mut refused = |step: LayerStep| viewer.layer_step(step).unwrap_err().to_string();
+    assert_eq!(refused(LayerStep::Select("Dirt".into())), "there is no layer named \"Dirt\"");
+    assert_eq!(refused(LayerStep::Delete), "no layer is chosen: the base is painted on");
+    viewer.layer_step(LayerStep::SeeMask(false)).unwrap();
+    viewer.layer_step(LayerStep::Select("base".into())).unwrap();
 }

@@ -11,10 +11,10 @@ use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::ViewPreset;
 use fantex_app::command::Command;
 use fantex_app::document::{Document, Place};
-use fantex_app::paint::{Leave, Painting, PenEvent, PenPhase, SaveState};
+use fantex_app::paint::{Answer, Leave, NewAsset, Painting, PenEvent, PenPhase, Question, SaveState};
 use fantex_app::viewer::{KeyPhase, Request, SceneInput, Viewer};
 
-use crate::painting::Studio;
+use crate::painting::{Studio, small_asset};
 use crate::panels::{empty, wait_painted, with_model, with_painting};
 
 /// Waits until something is so.
@@ -301,4 +301,50 @@ fn what_is_not_told_yet_is_not_lost_either() {
     assert_eq!(studio.painting.save, SaveState::Saved);
     assert!(!studio.painting.is_saved());
     assert_eq!(studio.painting.leave(), Leave::Waits);
+}
+
+/// The asset is in the window again where its strokes cannot be repeated on the model's new mesh.
+#[test]
+fn an_asset_whose_strokes_cannot_be_repeated_is_opened_again() {
+    let folder = tempfile::tempdir().unwrap();
+    small_asset(folder.path());
+    let torus = fantex::mesh::generate::torus(24, 12);
+    let geometry = fantex::mesh::WriteGeometry {
+        positions: &torus.positions,
+        triangles: &torus.triangles,
+        colors: None,
+    };
+    let model = folder.path().join("torus.ply");
+    fantex::mesh::write_model(&model, &geometry, false).unwrap();
+    let mut viewer = empty();
+    (viewer.asks, viewer.paints) = (true, true);
+    viewer.open_file(model);
+    wait_opened(&mut viewer);
+    assert!(matches!(viewer.asked.as_ref().unwrap().question, Question::Foreign { .. }));
+    let impossible = NewAsset { texels: Some(0), ..NewAsset::default() };
+    viewer.answer(Some(Answer::Replay(impossible)));
+    wait_opened(&mut viewer);
+    assert_eq!(crate::errors(&viewer.notices), 1);
+    assert!(viewer.painting.is_some());
+    assert_eq!(viewer.document.as_ref().unwrap().mesh().triangles.len(), 48 * 24 * 2);
+}
+
+/// What was told of a commit that failed is not so any more once another one succeeds.
+#[test]
+fn errors_of_saving_go_once_all_is_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = seen(with_painting(folder.path()));
+    let path = viewer.asset_path().unwrap();
+    let aside = folder.path().join("aside.fan");
+    std::fs::rename(&path, &aside).unwrap();
+    draw(&mut viewer);
+    assert!(!viewer.may_close());
+    wait_until(&mut viewer, "it is not told", |viewer| crate::errors(&viewer.notices) == 2);
+    assert!(said(&viewer, "Not saved") && said(&viewer, "Close again to lose what is not saved."));
+    std::fs::rename(&aside, &path).unwrap();
+    // It is saved at once.
+    viewer.copy_to(folder.path().join("copy.fan"));
+    wait_until(&mut viewer, "it waits for ever", |viewer| viewer.exporting.is_none());
+    viewer.poll();
+    assert_eq!(crate::errors(&viewer.notices), 0);
 }

@@ -2,9 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
+use fantex_app::command::{Command, parse_keys};
 use fantex_app::live::LiveLook;
-use fantex_app::viewer::Request;
+use fantex_app::viewer::{KeyPhase, Request, Viewer};
 
 const LOOK: &str = r##"# A ball of marble.
 [picture]
@@ -154,4 +155,40 @@ fn menus_save_pictures_of_looks_and_close_them() {
     let viewer = harness.state_mut();
     assert!(matches!(viewer.take_requests()[..], [Request::Picture { .. }]));
     assert!(viewer.live.is_none());
+}
+
+/// What has no effect on a look cannot be chosen, and is not kept for what is opened next.
+#[test]
+fn looks_are_drawn_without_shading_and_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::empty();
+    viewer.live = Some(open(folder.path()).0);
+    assert_eq!(viewer.shown_name().as_deref(), Some("ball.toml"));
+    let before = viewer.settings.display.clone();
+    for command in [Command::StepShading(1), Command::StepOverlay(1), Command::ToggleWireframe] {
+        viewer.command(command);
+    }
+    assert_eq!(viewer.settings.display, before);
+    let harness = crate::panels::harness(viewer, [1600.0, 800.0]);
+    assert!(harness.get_by_label("Wireframe").accesskit_node().is_disabled());
+}
+
+/// The key that saves writes the look, as in any editor; its picture has another one.
+#[test]
+fn looks_are_saved_by_the_usual_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = crate::panels::empty();
+    viewer.live = Some(open(folder.path()).0);
+    let press = |viewer: &mut Viewer, keys: &str| {
+        let (modifiers, key) = parse_keys(keys).unwrap();
+        viewer.key(key, modifiers, KeyPhase::Pressed, true);
+    };
+    viewer.live.as_mut().unwrap().set(1, 0.125);
+    press(&mut viewer, "Ctrl+S");
+    press(&mut viewer, "Ctrl+S");
+    let text = std::fs::read_to_string(folder.path().join("ball.toml")).unwrap();
+    assert_eq!(text, LOOK.replace("scale = 0.5", "scale = 0.125"));
+    assert!(viewer.take_requests().is_empty());
+    press(&mut viewer, "Ctrl+Shift+P");
+    assert!(matches!(viewer.take_requests()[..], [Request::Picture { .. }]));
 }

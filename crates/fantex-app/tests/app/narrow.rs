@@ -6,7 +6,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use fantex_app::command::{GESTURES, PAINT_GESTURES, shortcuts};
-use fantex_app::paint::paint_shortcuts;
+use fantex_app::paint::{PaintTool, paint_shortcuts};
 use fantex_app::settings::{PanelSettings, Tab};
 use fantex_app::viewer::Viewer;
 
@@ -122,4 +122,63 @@ fn the_sheet_of_keys_fits_into_small_windows() {
             }
         }
     }
+}
+
+/// The scene keeps its share of the width; where there is no room for two panels beside it they take turns.
+#[test]
+fn the_scene_keeps_its_share_of_small_windows() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), SIZES[0]);
+    wait_painted(harness.state_mut());
+    for size in [SIZES[0], SIZES[1], [1000.0, 700.0], SIZES[2]] {
+        harness.set_size(size.into());
+        harness.run_steps(3);
+        let width = harness.state().scene_pixels[0] as f32 / harness.ctx.pixels_per_point();
+        assert!(width >= 0.4 * size[0] - 1.0, "{width} at {size:?}");
+    }
+    harness.set_size(SIZES[0].into());
+    harness.run_steps(3);
+    assert!(harness.query_by_label("Channels").is_none());
+    harness.get_by_label("Layers").click();
+    harness.run_steps(3);
+    harness.get_by_label("Channels");
+    harness.get_by_label("Brush").click();
+    harness.run_steps(3);
+    harness.get_by_label("Brushes");
+    // Fills and texts have no brush.
+    harness.state_mut().settings.paint.tool = PaintTool::Fill;
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Brushes").is_none());
+    let mut viewer = with_model();
+    viewer.settings.panels = PanelSettings { has_atlas: true, ..PanelSettings::default() };
+    let mut harness = crate::panels::harness(viewer, SIZES[0]);
+    for size in SIZES {
+        harness.set_size(size.into());
+        harness.run_steps(3);
+        let width = harness.state().scene_pixels[0] as f32 / harness.ctx.pixels_per_point();
+        assert!(width >= 0.4 * size[0] - 1.0, "{width} at {size:?}");
+    }
+}
+
+/// Messages do not lie over panels and bars.
+#[test]
+fn messages_stay_within_a_small_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    let error = |k: u32| format!("{k} {}", "Something could not be read. ".repeat(6));
+    viewer.notices.error(error(0));
+    let mut harness = harness(viewer, [640.0, 400.0]);
+    harness.run_steps(3);
+    let alone = harness.get_by_label_contains("0 Something").rect();
+    (1..4).for_each(|k| harness.state_mut().notices.error(error(k)));
+    harness.run_steps(3);
+    let viewer = harness.state();
+    let [left, top] = viewer.scene_corner;
+    let [width, height] = viewer.scene_pixels.map(|n| n as f32 / harness.ctx.pixels_per_point());
+    let newest = harness.get_by_label_contains("3 Something").rect();
+    assert!(newest.left() >= left && newest.right() <= left + width, "{newest}");
+    assert!(newest.bottom() <= top + height, "{newest}");
+    assert!((newest.height() - alone.height()).abs() < 1.0, "{newest} {alone}");
+    let second = harness.get_by_label_contains("2 Something").rect();
+    assert!(second.top() > top && second.bottom() < newest.top(), "{second} {newest}");
 }

@@ -13,7 +13,7 @@ use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
 use fantex_app::display::TONE_MAPS;
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
-use fantex_app::figures::{DamagedPart, LevelFigures};
+use fantex_app::figures::{DamagedPart, LevelFigures, ObjectFigures};
 use fantex_app::paint::LayerAction;
 use fantex_app::panels::{Textures, show};
 use fantex_app::settings::{PanelSettings, Settings, Tab};
@@ -154,6 +154,7 @@ fn the_view_page_has_the_field_of_view() {
     viewer.settings.panels.tab = Tab::View;
     let harness = harness(viewer, [1280.0, 800.0]);
     assert!(harness.query_all_by_label("Field of view").next().is_some());
+    assert!(harness.query_all_by_label("Looks at").next().is_some());
 }
 
 #[test]
@@ -194,6 +195,45 @@ fn keys_in_the_scene_become_wishes() {
     harness.key_up_modifiers(Modifiers::NONE, Key::W);
     harness.run_steps(2);
     assert_eq!(wishes.lock().unwrap().last().unwrap().forward, 0.0);
+}
+
+/// A window in which keys do what they do in the program's.
+fn with_keys(viewer: Viewer) -> Harness<'static, Viewer> {
+    Harness::builder().with_size(vec2(1280.0, 800.0)).build_ui_state(
+        |ui, viewer: &mut Viewer| {
+            let ctx = ui.ctx().clone();
+            viewer.keys(&ctx);
+            show(ui, viewer, &Textures::default());
+        },
+        viewer,
+    )
+}
+
+/// Only what is typed into a field is no command: a button that has the focus leaves the keys alone, and Tab does not go there.
+#[test]
+fn keys_are_commands_where_nothing_is_typed() {
+    let mut viewer = with_model();
+    viewer.settings.panels.tab = Tab::View;
+    let mut harness = with_keys(viewer);
+    for is_shown in [false, true] {
+        harness.key_press(Key::Tab);
+        harness.run_steps(2);
+        assert_eq!(harness.state().settings.panels.has_inspector, is_shown);
+        assert!(!harness.ctx.egui_wants_keyboard_input());
+    }
+    harness.get_by_label("Fly").focus();
+    harness.run_steps(2);
+    harness.key_press(Key::G);
+    harness.run_steps(2);
+    assert!(harness.ctx.egui_wants_keyboard_input() && harness.state().settings.panels.has_graphs);
+    harness.get_all_by_role(Role::SpinButton).next().unwrap().focus();
+    harness.run_steps(2);
+    for key in [Key::G, Key::Tab] {
+        harness.key_press(key);
+        harness.run_steps(2);
+    }
+    let panels = &harness.state().settings.panels;
+    assert!(panels.has_graphs && panels.has_inspector);
 }
 
 /// An asset on a page of the inspector.
@@ -313,7 +353,8 @@ fn the_history_goes_back_to_the_original() {
         |harness: &Harness<'static, Viewer>| harness.state().painting.as_ref().unwrap().snapshot.layers.len();
     wait_painted(harness.state_mut());
     harness.run_steps(2);
-    harness.get_by_label("Channels");
+    let [channels, history] = ["Channels", "History"].map(|label| harness.get_by_label(label).rect());
+    assert!(history.left() == channels.left() && history.top() > channels.top());
     click(&mut harness, "Add");
     assert_eq!(layers(&harness), 1);
     click(&mut harness, "Original");
@@ -375,7 +416,8 @@ fn menus_show_the_keys_that_hold() {
     assert_eq!(keys_of(false, &back).as_deref(), Some("5"));
     assert_eq!(keys_of(true, &back), None);
     assert_eq!(keys_of(true, &Command::FrameAll).as_deref(), Some("F"));
-    assert_eq!(keys_of(true, &Command::Screenshot), None, "Ctrl + S saves what is painted");
+    assert_eq!(keys_of(true, &Command::Save), None, "Ctrl + S saves what is painted");
+    assert_eq!(keys_of(true, &Command::Screenshot).as_deref(), Some("Ctrl + Shift + P"));
 }
 
 /// The pointer through some places with the button held, as a mouse moves, with a frame after each; then the button is let go.
@@ -539,4 +581,41 @@ fn channels_are_removed_once_the_user_says_so() {
     assert!(
         harness.state_mut().notices.shown().any(|notice| notice.text.contains("an asset needs a channel"))
     );
+}
+
+/// An asset of a mesh with as many triangles elsewhere: the number is no difference.
+#[test]
+fn what_differs_of_two_meshes_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    crate::painting::small_asset(folder.path());
+    let mut torus = fantex::mesh::generate::torus(48, 24);
+    torus.positions.iter_mut().for_each(|position| *position *= 2.0);
+    let geometry = fantex::mesh::WriteGeometry {
+        positions: &torus.positions,
+        triangles: &torus.triangles,
+        colors: None,
+    };
+    let model = folder.path().join("torus.ply");
+    fantex::mesh::write_model(&model, &geometry, false).unwrap();
+    let mut viewer = empty();
+    (viewer.paints, viewer.asks) = (true, true);
+    viewer.open_file(model);
+    while viewer.opening.is_some() {
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        viewer.poll();
+    }
+    let harness = harness(viewer, [1280.0, 800.0]);
+    let count = fantex_app::text::grouped(48 * 24 * 2);
+    harness.get_by_label_contains(&format!(
+        "torus.ply and the asset's mesh have {count} triangles, but at other places."
+    ));
+}
+
+#[test]
+fn objects_of_a_world_that_are_to_come_are_counted() {
+    let mut viewer = with_asset(Tab::Model);
+    viewer.figures.objects = Some(ObjectFigures { missing: 3, ..ObjectFigures::default() });
+    let harness = harness(viewer, [1280.0, 800.0]);
+    harness.get_by_label("3 objects to come");
+    assert!(harness.query_by_label_contains("parcels to come").is_none());
 }

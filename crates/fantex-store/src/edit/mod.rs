@@ -41,7 +41,7 @@ use crate::header::{SECTION_NAMES, SectionRecord, Slot, read_other_slot, read_se
 use crate::layout::ClusterPages;
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
 use crate::reader::read_attachments;
-use crate::{Asset, FileSource, PageId, Texels, write_error};
+use crate::{Asset, FileSource, PageId, Texels};
 
 pub use self::added::MIDDLE_HEIGHT;
 pub use self::commit::{CommitSummary, EditOutput};
@@ -179,7 +179,7 @@ impl AssetEditor {
         path.metadata().map_err(|source| Error::reading(path, source))?;
         let lock = Arc::new(WriterLock::acquire(path)?);
         let file = OpenOptions::new().read(true).write(true).open(path);
-        let file = Arc::new(file.map_err(|source| write_error(path, source))?);
+        let file = Arc::new(file.map_err(|source| Error::writing(path, source))?);
         let output = output(Arc::clone(&file));
         Self::locked(path, *options, lock, file, output)
     }

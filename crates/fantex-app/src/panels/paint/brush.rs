@@ -263,7 +263,11 @@ pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(preset) = taken {
         *brush = preset;
     }
-    let mut is_kept = false;
+    let (mut is_kept, mut is_restored) = (false, false);
+    if painting.presets.lacks_own() {
+        let tip = "Brings the program's own brushes back that were deleted";
+        is_restored = ui.button("Restore").on_hover_text(tip).clicked();
+    }
     ui.horizontal(|ui| {
         let field = TextEdit::singleline(&mut brush.name).desired_width(170.0).hint_text("Name of the brush");
         name_field(&ui.add(field), "Name of the brush");
@@ -274,5 +278,8 @@ pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer) {
     }
     if let Some(name) = dropped {
         painting.drop_brush(&name, &mut viewer.notices);
+    }
+    if is_restored {
+        painting.restore_brushes(&mut viewer.notices);
     }
 }

@@ -1,11 +1,11 @@
-//! Panels of the painter: tools, brush and history at the left, colours and layers at the right, the cursor over the scene.
+//! Panels of the painter: tools and brush at the left, colours, layers and history at the right, the cursor over the scene.
 //!
 //! ```text
 //!  +------+---------+---------------------------+----------+
 //!  | tool | brush   |                           | colour   |
 //!  | strip| symmetry|     scene, cursor,        | channels |
 //!  |      | presets |     symmetry plane        | layers   |
-//!  |      | history |                           |          |
+//!  |      |         |                           | history  |
 //!  +------+---------+---------------------------+----------+
 //! ```
 
@@ -16,24 +16,24 @@ mod overlay;
 
 pub(super) use overlay::{adjust, show as overlay};
 
+use eframe::egui::scroll_area::ScrollBarVisibility;
 use eframe::egui::{
-    Button, Color32, CornerRadius, Margin, Painter, Panel, Pos2, Rect, RichText, ScrollArea, Sense, Shape,
-    Stroke, StrokeKind, Ui, Vec2, pos2, vec2,
+    Button, Color32, CornerRadius, Id, Margin, Painter, Panel, Pos2, Rect, RichText, ScrollArea, Sense,
+    Shape, Stroke, StrokeKind, Ui, Vec2, pos2, vec2,
 };
 
 use fantex::paint::Symmetry;
 
 use crate::command::{Command, keys_of};
 use crate::paint::{PaintCommand, PaintTool, SymmetryKind};
-use crate::panels::panel_frame;
 use crate::panels::widgets::{heading, number, row, segments};
+use crate::panels::{panel_frame, room_beside_scene};
 use crate::theme;
 use crate::viewer::Viewer;
 
-/// Widths of the panels, and what the scene keeps at least, points.
+/// Widths of the panels, points.
 const BRUSH_POINTS: f32 = 268.0;
 const LAYER_POINTS: f32 = 276.0;
-const SCENE_POINTS: f32 = 150.0;
 
 /// What is left and right of the scene while something is painted on.
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
@@ -41,40 +41,61 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         .frame(panel_frame().inner_margin(Margin::symmetric(6, 8)))
         .exact_size(48.0)
         .resizable(false)
-        .show(ui, |ui| tool_strip(ui, viewer));
-    // Where there is no room for both and a scene between them, the brush comes first.
-    let width = ui.available_width() - SCENE_POINTS;
-    let has_brush = viewer.settings.paint.has_brush_panel && width >= BRUSH_POINTS;
-    let left = width - if has_brush { BRUSH_POINTS } else { 0.0 };
-    let has_layers = viewer.settings.paint.has_layer_panel && left >= LAYER_POINTS;
+        .show(ui, |ui| {
+            // Where it is too low the wheel moves it: there is no room for a bar.
+            let area = ScrollArea::vertical().id_salt("paint tools").auto_shrink([false, false]);
+            let area = area.scroll_bar_visibility(ScrollBarVisibility::AlwaysHidden);
+            area.show(ui, |ui| tool_strip(ui, viewer));
+        });
+    let room = room_beside_scene(ui);
+    let has_brush = viewer.settings.paint.has_brush_panel && room >= BRUSH_POINTS;
+    let has_layers = viewer.settings.paint.has_layer_panel && room >= LAYER_POINTS;
+    if has_brush && has_layers && room < BRUSH_POINTS + LAYER_POINTS {
+        let panel = Panel::left("paint tabs").frame(panel_frame()).exact_size(LAYER_POINTS).resizable(false);
+        panel.show(ui, |ui| one_of_both(ui, viewer));
+        return;
+    }
     if has_brush {
-        Panel::left("paint brush").frame(panel_frame()).exact_size(BRUSH_POINTS).resizable(false).show(
-            ui,
-            |ui| {
-                ScrollArea::vertical().id_salt("paint brush").auto_shrink([false, false]).show(ui, |ui| {
-                    ui.spacing_mut().slider_width = 72.0;
-                    brush::show(ui, viewer);
-                    symmetry(ui, viewer);
-                    overlay::stencil(ui, viewer);
-                    brush::presets(ui, viewer);
-                    history(ui, viewer);
-                });
-            },
-        );
+        let panel = Panel::left("paint brush").frame(panel_frame()).exact_size(BRUSH_POINTS).resizable(false);
+        panel.show(ui, |ui| brush_panel(ui, viewer));
     }
     if has_layers {
-        Panel::right("paint layers").frame(panel_frame()).exact_size(LAYER_POINTS).resizable(false).show(
-            ui,
-            |ui| {
-                ScrollArea::vertical().id_salt("paint layers").auto_shrink([false, false]).show(ui, |ui| {
-                    ui.spacing_mut().slider_width = 84.0;
-                    color::show(ui, viewer);
-                    color::channels(ui, viewer);
-                    layers::show(ui, viewer);
-                });
-            },
-        );
+        let panel =
+            Panel::right("paint layers").frame(panel_frame()).exact_size(LAYER_POINTS).resizable(false);
+        panel.show(ui, |ui| layer_panel(ui, viewer));
     }
+}
+
+/// Both panels in the place of one, where there is no room for two.
+fn one_of_both(ui: &mut Ui, viewer: &mut Viewer) {
+    let id = Id::unique("paint tab");
+    let mut shows_layers = ui.data(|data| data.get_temp::<bool>(id)).unwrap_or(false);
+    ui.horizontal(|ui| segments(ui, &mut shows_layers, &[(false, "Brush"), (true, "Layers")]));
+    ui.data_mut(|data| data.insert_temp(id, shows_layers));
+    ui.separator();
+    if shows_layers { layer_panel(ui, viewer) } else { brush_panel(ui, viewer) }
+}
+
+fn brush_panel(ui: &mut Ui, viewer: &mut Viewer) {
+    ScrollArea::vertical().id_salt("paint brush").auto_shrink([false, false]).show(ui, |ui| {
+        ui.spacing_mut().slider_width = 72.0;
+        brush::show(ui, viewer);
+        symmetry(ui, viewer);
+        overlay::stencil(ui, viewer);
+        if viewer.settings.paint.tool.has_brush() {
+            brush::presets(ui, viewer);
+        }
+    });
+}
+
+fn layer_panel(ui: &mut Ui, viewer: &mut Viewer) {
+    ScrollArea::vertical().id_salt("paint layers").auto_shrink([false, false]).show(ui, |ui| {
+        ui.spacing_mut().slider_width = 84.0;
+        color::show(ui, viewer);
+        color::channels(ui, viewer);
+        layers::show(ui, viewer);
+        history(ui, viewer);
+    });
 }
 
 // The tool strip, with the two colours at its end.
