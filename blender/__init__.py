@@ -99,7 +99,7 @@ class Bake:
     """A bake on a thread of its own."""
 
     def __init__(self, mesh, path, texels, source, overwrite):
-        self.done, self.total = 0, 1
+        self.step, self.done, self.total = "baking", 0, 1
         self.is_cancelled = False
         self.error = None
         self.asset = None
@@ -118,8 +118,8 @@ class Bake:
         finally:
             RUNNING.discard(self)
 
-    def _progress(self, done, total):
-        self.done, self.total = done, max(total, 1)
+    def _progress(self, done, total, step):
+        self.step, self.done, self.total = step, done, max(total, 1)
         # At the end the file is written.
         if self.is_cancelled and done < total:
             raise Cancelled
@@ -215,8 +215,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
         if not bake.is_finished:
             share = bake.done / bake.total
             context.window_manager.progress_update(int(100 * share))
-            # No number of texels is 1000: tiles have multiples of 16.
-            work = "Covering the mesh" if bake.total == 1000 else "Baking fans"
+            work = "Covering the mesh" if bake.step == "covering" else "Baking fans"
             context.workspace.status_text_set(f"{work}: {100 * share:.0f} %  (Esc ends it)")
             return {"RUNNING_MODAL"} if event.type in {"TIMER", "ESC"} else {"PASS_THROUGH"}
         context.window_manager.event_timer_remove(self._timer)

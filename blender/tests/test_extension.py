@@ -739,9 +739,9 @@ print("baking")
 
 def test_escape_at_the_very_end_is_too_late(tmp_path, extension, monkeypatch):
     """A file that is written is not said to be as it was."""
-    def escape(self, done, total, progress=extension.Bake._progress):
+    def escape(self, done, total, step, progress=extension.Bake._progress):
         self.is_cancelled = done >= total
-        progress(self, done, total)
+        progress(self, done, total, step)
 
     monkeypatch.setattr(extension.Bake, "_progress", escape)
     red_cube()

@@ -391,7 +391,7 @@ struct Wait {
     /// A file that must be there, too.
     file: Option<PathBuf>,
     frame: u64,
-    /// From that frame on none need be drawn for it.
+    /// No frame need be drawn for it.
     is_patient: bool,
     since: f64,
     seconds: f64,
@@ -413,10 +413,11 @@ impl SessionRunner {
         if let Some(wait) = &self.wait {
             if !wait.is_met(now) {
                 if now.seconds - wait.since > wait.seconds {
-                    return Err(at_step(self.number, format!("after {} s {}", wait.seconds, wait.problem)));
+                    let reason = format!("after {} s {}", wait.seconds, wait.problem);
+                    return Err(at_step(self.number, reason));
                 }
-                let needs_frames = !wait.is_patient || now.frame < wait.frame || now.is_acting;
-                return Ok(if needs_frames { Act::NextFrame } else { Act::Wait });
+                let is_patient = wait.is_patient && now.frame >= wait.frame && !now.is_acting;
+                return Ok(if is_patient { Act::Wait } else { Act::NextFrame });
             }
             self.wait = None;
         }
@@ -466,12 +467,17 @@ impl Wait {
         (seconds, problem): (f64, &'static str),
         now: &Situation,
     ) -> Self {
-        Self { is_over, seconds, problem, ..Self::frames(frames, now) }
+        Self { is_over, is_patient: true, seconds, problem, ..Self::frames(frames, now) }
+    }
+
+    /// The same, while frames are drawn.
+    fn with_frames(self) -> Self {
+        Self { is_patient: false, ..self }
     }
 
     /// What a step is for that only waits; none of others.
     fn of(step: &Step, now: &Situation) -> Option<Self> {
-        let wait = match step {
+        Some(match step {
             Step::WaitFrames(count) => Self::frames(*count, now),
             Step::WaitLoaded(seconds) => {
                 Self::until(|now| !now.is_opening, 0, (*seconds, "the file was still being opened"), now)
@@ -481,8 +487,10 @@ impl Wait {
                 let is_sharp = |now: &Situation| !now.is_opening && now.is_sharp;
                 Self::until(is_sharp, 3, (*seconds, "the picture was not sharp"), now)
             }
+            // It may be over soon.
             Step::WaitWorking(seconds) => {
-                Self::until(|now| now.is_working, 0, (*seconds, "nothing that takes long was under way"), now)
+                let problem = "nothing that takes long was under way";
+                Self::until(|now| now.is_working, 0, (*seconds, problem), now).with_frames()
             }
             Step::WaitExported(seconds) => {
                 Self::until(|now| !now.is_exporting, 0, (*seconds, "it was still being exported"), now)
@@ -501,22 +509,20 @@ impl Wait {
                 Self { file, ..Self::until(|_| true, 0, (*seconds, "there was no such file"), now) }
             }
             _ => return None,
-        };
-        // Work may be over before it is looked again.
-        let is_patient = !matches!(step, Step::WaitFrames(_) | Step::WaitWorking(_));
-        Some(Self { is_patient, ..wait })
+        })
     }
 
     /// What has to have happened after a step before the next one.
     fn after(step: &Step, now: &Situation) -> Self {
         const FOREVER: (f64, &str) = (f64::INFINITY, "");
         match step {
+            // A picture of the window comes with a frame.
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
                 let patience = (PICTURE_SECONDS, "the picture was not written");
-                Self::until(|now| now.pictures_due == 0, 0, patience, now)
+                Self::until(|now| now.pictures_due == 0, 0, patience, now).with_frames()
             }
             Step::Hold { frames, .. } => Self::frames(*frames, now),
-            Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now),
+            Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now).with_frames(),
             Step::Stroke { .. } => Self::until(|now| !now.is_acting, 2, FOREVER, now),
             // What it changes is there in the next frame.
             _ => Self::frames(2, now),

@@ -97,6 +97,10 @@ impl Source for TexelMeans<'_> {
         self.source.damage()
     }
 
+    fn has_slow_points(&self) -> bool {
+        self.source.has_slow_points()
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / SIDE as f32;
         mean_of_cells(SIDE, point, &self.channels, values, |[x, y], values| {

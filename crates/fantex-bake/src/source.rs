@@ -92,6 +92,12 @@ pub trait Source: Sync {
         false
     }
 
+    /// Whether a point may take milliseconds, as following rays through crowded places does: bakes then ask between points whether they are
+    /// to go on.
+    fn has_slow_points(&self) -> bool {
+        false
+    }
+
     /// Writes one value per channel. What is not finite is baked as 0.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
@@ -169,8 +175,8 @@ impl TrianglePlane {
         }
     }
 
-    /// The point with these barycentric coordinates.
-    #[inline]
+    /// The point with these barycentric coordinates. (Inlined always: what is stored in parts and read as a whole from memory stalls.)
+    #[inline(always)]
     pub fn point(&self, lambda: Vec3) -> TexelPoint {
         // Off the surface the plane goes on, but a normal must not be extrapolated.
         let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
@@ -279,20 +285,29 @@ impl SolidSource {
         Self { solid, space: ObjectSpace::of(mesh) }
     }
 
-    fn solid_point(&self, point: &TexelPoint) -> SolidPoint {
+    /// The footprint of a texel, object space.
+    fn footprint(&self, point: &TexelPoint) -> f32 {
         let steps = point.position_steps.map(|step| self.space.vector(step));
-        let footprint = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
+        (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt()
+    }
+
+    #[inline(always)]
+    fn solid_point(&self, point: &TexelPoint, footprint: f32) -> SolidPoint {
         SolidPoint { p: self.space.point(point.position), n: point.normal, footprint, time: 0.0 }
     }
 }
 
 impl Source for SolidSource {
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point)));
+        values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point, self.footprint(point))));
     }
 
     fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
-        let at: Vec<SolidPoint> = points.iter().map(|point| self.solid_point(point)).collect();
+        let mut at = Vec::with_capacity(points.len());
+        for run in points.chunk_by(TexelPoint::is_on_triangle_of) {
+            let footprint = self.footprint(&run[0]);
+            at.extend(run.iter().map(|point| self.solid_point(point, footprint)));
+        }
         self.solid.colors(&at, bytemuck::cast_slice_mut(values));
     }
 }

@@ -202,6 +202,12 @@ impl TileBaker<'_> {
                 points.iter_mut().for_each(narrow);
             }
             match &known {
+                None if self.source.has_slow_points() => {
+                    for (point, values) in points.iter().zip(values.chunks_mut(channels)) {
+                        self.meter.check()?;
+                        self.source.evaluate(point, values);
+                    }
+                }
                 None => self.source.evaluate_all(points, &mut values),
                 Some(known) => {
                     let light: Vec<Vec3> = known.iter().map(|light| light.unwrap_or_default()).collect();

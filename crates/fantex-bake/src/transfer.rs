@@ -323,6 +323,10 @@ impl Source for TransferSource<'_> {
         self.detail.map_or_else(Damage::default, Source::damage)
     }
 
+    fn has_slow_points(&self) -> bool {
+        true
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / self.samples as f32;
         let steps = point.position_steps.map(|s| s * share);

@@ -478,16 +478,26 @@ pub(crate) struct StepBar<'a> {
     bar: Mutex<Option<Bar<'a>>>,
 }
 
-impl Progress for StepBar<'_> {
-    fn report(&self, done: u64, total: u64) {
+impl StepBar<'_> {
+    fn show(&self, is_done: bool, show: impl FnOnce(&Bar<'_>)) {
         let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
-        if done >= total {
+        if is_done {
             drop(bar.take());
             return;
         }
         let Context { quiet, json, interrupt, .. } = self.context;
         let is_shown = !quiet && !json;
-        bar.get_or_insert_with(|| Bar::new(self.label, self.unit, is_shown, interrupt)).report(done, total);
+        show(bar.get_or_insert_with(|| Bar::new(self.label, self.unit, is_shown, interrupt)));
+    }
+}
+
+impl Progress for StepBar<'_> {
+    fn report(&self, done: u64, total: u64) {
+        self.show(done >= total, |bar| bar.report(done, total));
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        self.show(share >= 1.0, |bar| bar.prepare(word, share));
     }
 
     fn is_cancelled(&self) -> bool {

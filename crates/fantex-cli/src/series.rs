@@ -7,7 +7,8 @@ use fantex::Result;
 use crate::context::{Context, Deferral};
 use crate::text::{counted, grouped};
 
-/// Files that a command writes one after the other into a folder. If it is interrupted, its last line counts those that stay.
+/// Files that a command writes one after the other into a folder. If it is interrupted, or one cannot be written, its last line counts those
+/// that stay.
 pub(crate) struct Series<'a> {
     context: &'a Context,
     folder: PathBuf,
@@ -48,7 +49,10 @@ impl<'a> Series<'a> {
         let context = self.context;
         let _deferral = context.defer_interrupt();
         let is_new = path.symlink_metadata().is_err();
-        write()?;
+        write().map_err(|error| match self.written {
+            0 => error,
+            _ => error.leaving(format!("finished before that: {}", self.remains())),
+        })?;
         match &mut self.unfinished {
             Some(unfinished) if is_new => unfinished.push(path.to_owned()),
             _ => {
@@ -59,7 +63,7 @@ impl<'a> Series<'a> {
         Ok(())
     }
 
-    /// What an interruption leaves: `12 of 100 pictures in turn`.
+    /// What an interruption or a failure leaves: `12 of 100 pictures in turn`.
     fn remains(&self) -> String {
         let files = match self.count {
             Some(count) => format!("{} of {}", grouped(self.written), counted(count, self.noun)),

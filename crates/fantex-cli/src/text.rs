@@ -9,7 +9,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fantex::Error;
 use fantex::base::numbered;
 use fantex::base::text::{LETTERS, parse_number};
-use fantex::cover::{CoverStats, TexelBudget};
+use fantex::cover::CoverStats;
 use serde::{Serialize, Serializer};
 
 /// A path in a result. JSON is UTF-8, and names of files need not be: what is none stands there as U+FFFD, as in messages.
@@ -174,14 +174,6 @@ pub(crate) fn columns(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// The number of texels that was asked for, where it was a number of texels.
-pub(crate) fn texels_asked(budget: &TexelBudget) -> Option<u64> {
-    match budget {
-        TexelBudget::Total(texels) => Some(*texels),
-        _ => None,
-    }
-}
-
 /// A sentence on texels beyond those that were asked for. Sides of tiles have at least 4 texels, so many tiles of little surface
 /// can take more than the budget.
 pub(crate) fn over_budget(asked: Option<u64>, stats: &CoverStats) -> Option<String> {
@@ -251,9 +243,9 @@ mod tests {
     #[test]
     fn only_what_exceeds_a_number_is_said() {
         let stats = CoverStats { texels: 1600, groups: 100, ..CoverStats::default() };
-        assert_eq!(over_budget(texels_asked(&TexelBudget::Total(1600)), &stats), None);
-        assert_eq!(over_budget(texels_asked(&TexelBudget::Density(1.0)), &stats), None);
-        let text = over_budget(texels_asked(&TexelBudget::Total(1000)), &stats).unwrap();
+        assert_eq!(over_budget(Some(1600), &stats), None);
+        assert_eq!(over_budget(None, &stats), None);
+        let text = over_budget(Some(1000), &stats).unwrap();
         assert!(text.starts_with("1 600 texels instead of the 1 000 asked for: 100 tiles"), "{text}");
     }
 }

@@ -134,11 +134,10 @@ impl Cover {
 
     /// A triangle as the texture function sees it, for its points one after the other.
     pub fn triangle_tiles(&self, mesh: &Mesh, triangle: u32) -> TriangleTiles {
-        TriangleTiles {
-            groups: self.corner_groups[triangle as usize],
-            corners: [0, 1, 2].map(|slot| self.tile_corners(mesh, triangle as usize, slot)),
-            delta: self.delta,
-        }
+        let groups = self.corner_groups[triangle as usize];
+        let corners = |slot| self.tile_corners(mesh, triangle as usize, slot);
+        let corners = if is_one(groups) { [corners(0); 3] } else { [corners(0), corners(1), corners(2)] };
+        TriangleTiles { groups, corners, delta: self.delta }
     }
 
     /// The groups of a triangle's corners, each once.
@@ -273,6 +272,12 @@ pub fn level_length(n: u32, level: u32) -> u32 {
     4 * (quarters as u32).max(1)
 }
 
+/// Whether all corners of a triangle are in one group.
+#[inline]
+fn is_one([a, b, c]: [u32; 3]) -> bool {
+    a == b && b == c
+}
+
 /// The different numbers among three.
 fn distinct([a, b, c]: [u32; 3]) -> impl Iterator<Item = u32> {
     [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
@@ -382,6 +387,10 @@ impl GroupWeights {
     /// `a_i = max(0, lambda_i - max(lambda_j, lambda_k) + delta)`, summed per group and normalised.
     #[inline]
     pub fn new(groups: [u32; 3], lambda: Vec3, delta: f32) -> Self {
+        if is_one(groups) {
+            // Most triangles: whatever the weights, their sum is.
+            return Self { count: 1, slots: [0; 3], weights: [1.0, 0.0, 0.0] };
+        }
         let [l0, l1, l2] = lambda.to_array();
         let a =
             [l0 - l1.max(l2) + delta, l1 - l2.max(l0) + delta, l2 - l0.max(l1) + delta].map(|a| a.max(0.0));

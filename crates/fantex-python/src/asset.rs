@@ -26,7 +26,7 @@ use crate::arrays::{array, rows};
 use crate::export::{AtlasFiles, Exported, bits, channel_map, damage_notes, exported_fans, fan_files};
 use crate::mesh::{upwards, world_positions};
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::watched;
+use crate::watch::{heard, watched};
 
 /// Names of the channels.
 pub(crate) const CHANNELS: [(&str, ChannelKind); 7] = [
@@ -247,7 +247,7 @@ impl Asset {
         let options =
             ExportOptions { side: resolution, padding, memory_bytes: memory, ..ExportOptions::default() };
         let asset = self.asset.shared();
-        let atlas = watched(py, progress.as_ref(), |watch| export_atlas(asset, &options, watch))?;
+        let atlas = watched(py, heard(&progress, "exporting"), |watch| export_atlas(asset, &options, watch))?;
         let uv: Vec<[f32; 2]> = atlas.mesh.uv.iter().map(upwards).collect();
         let picture = |picture: AtlasPicture| {
             let side = picture.side as usize;
@@ -270,7 +270,7 @@ impl Asset {
     ) -> PyResult<Exported> {
         let options = AtlasFiles::new(options)?;
         let asset = self.asset.shared();
-        let written = watched(py, progress.as_ref(), |watch| {
+        let written = watched(py, heard(&progress, "exporting"), |watch| {
             check_is_path(&path)?;
             export_model(asset, &path, &options.options(), watch)
         })?;
@@ -290,7 +290,7 @@ impl Asset {
         let channels = channels.into_iter().map(|(name, path)| channel_map(&name).map(|map| (map, path)));
         let channels: Vec<(ChannelMap, PathBuf)> = channels.collect::<PyResult<_>>()?;
         let asset = self.asset.shared();
-        let written = watched(py, progress.as_ref(), |watch| {
+        let written = watched(py, heard(&progress, "exporting"), |watch| {
             channels.iter().try_for_each(|(_, path)| check_is_path(path))?;
             let channels: Vec<(ChannelMap, &Path)> =
                 channels.iter().map(|(map, path)| (*map, path.as_path())).collect();
@@ -311,7 +311,7 @@ impl Asset {
     ) -> PyResult<Exported> {
         let options = fan_files(options)?;
         let asset = self.asset.shared();
-        let written = watched(py, progress.as_ref(), |watch| {
+        let written = watched(py, heard(&progress, "exporting"), |watch| {
             check_is_path(&path)?;
             export_fans(asset, &path, &options, watch)
         })?;
@@ -330,7 +330,7 @@ impl Asset {
     ) -> PyResult<Bound<'py, PyDict>> {
         let options = FanSheetOptions { gutter, largest_side, memory_bytes: memory };
         let asset = self.asset.shared();
-        let fans = watched(py, progress.as_ref(), |watch| fan_sheets(asset, &options, watch))?;
+        let fans = watched(py, heard(&progress, "exporting"), |watch| fan_sheets(asset, &options, watch))?;
         let uv: Vec<[f32; 2]> = fans.uv.iter().flatten().flatten().map(upwards).collect();
         let mut sheets = Vec::new();
         for sheet in fans.sheets {

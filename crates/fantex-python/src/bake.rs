@@ -25,7 +25,7 @@ use crate::asset::{Asset, name_of};
 use crate::export::AtlasFiles;
 use crate::mesh::Mesh;
 use crate::options::{choice, optional};
-use crate::watch::{Watch, in_python, watched};
+use crate::watch::{Watch, heard, in_python, watched};
 
 /// What a source is made of; the Python side makes nothing else.
 #[derive(FromPyObject)]
@@ -78,7 +78,7 @@ impl Job {
         reach: impl FnOnce(Baker<'_>, &Path) -> fantex::Result<Baked> + Send,
     ) -> PyResult<Bound<'py, PyDict>> {
         let Self { mesh, source, settings } = self;
-        let baked = watched(py, progress, |watch| {
+        let baked = watched(py, progress.map(|progress| (progress, "baking")), |watch| {
             let target = Target::new(place)?;
             target.check(settings.overwrite)?;
             let file = target.file();
@@ -98,7 +98,7 @@ impl Job {
                     reach(baker.source(Source::custom(&function)), file)
                 }
             }?;
-            target.finish(&replaced(settings.overwrite), watch)?;
+            target.finish(&replaced(settings.overwrite), &watch.named("uploading"))?;
             Ok(baked)
         })?;
         let figures = PyDict::new(py);
@@ -235,12 +235,13 @@ pub(crate) fn merge(
     overwrite: bool,
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<(u64, Option<String>)> {
-    let merged = watched(py, progress.as_ref(), |watch| {
-        let merge = Merge { plan: &plan.0, parts: &parts, force: overwrite };
-        let Some(path) = &path else { return merge.check(watch) };
-        Target::new(path)?.check(overwrite)?;
-        merge.write(path, [watch; 3])
-    })?;
+    let merged =
+        watched(py, heard(&progress, if path.is_some() { "merging" } else { "checking" }), |watch| {
+            let merge = Merge { plan: &plan.0, parts: &parts, force: overwrite };
+            let Some(path) = &path else { return merge.check(watch) };
+            Target::new(path)?.check(overwrite)?;
+            merge.write(path, [watch, &watch.named("copying"), &watch.named("uploading")])
+        })?;
     Ok((merged.written.bytes, merged.note))
 }
 

@@ -11,7 +11,7 @@ use pyo3::types::PyDict;
 
 use crate::asset::{Asset, CHANNELS};
 use crate::options::{named, optional, word};
-use crate::watch::watched;
+use crate::watch::{heard, watched};
 
 /// Channels that a list names.
 fn kinds(options: &Bound<'_, PyDict>, key: &str) -> PyResult<Vec<ChannelKind>> {
@@ -106,7 +106,10 @@ pub(crate) fn make_preview(
         memory_bytes: memory,
         ..PreviewOptions::default()
     };
-    let made = watched(py, progress.as_ref(), |watch| Preview::add_at(&asset, &options, [watch, watch]))?;
+    let made = watched(py, heard(&progress, "baking"), |watch| {
+        let [fetching, sending] = [watch.named("fetching"), watch.named("uploading")];
+        Preview::add_at(&asset, &options, [&fetching, &sending])
+    })?;
     Ok((made.triangles, made.texels, made.bytes.len()))
 }
 

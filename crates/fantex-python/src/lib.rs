@@ -37,7 +37,7 @@ mod _native {
     #[pymodule_export]
     use crate::places::{check_target, is_there, remove_object, upload};
     #[pymodule_export]
-    use crate::watch::Error;
+    use crate::watch::{Error, tell};
     #[pymodule_export]
     use crate::world::{World, change_world, split, verify_index};
 

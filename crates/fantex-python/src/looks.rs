@@ -17,7 +17,7 @@ use pyo3::types::PyDict;
 use crate::mesh::Mesh;
 use crate::options::{choice, optional};
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::watched;
+use crate::watch::{heard, watched};
 
 fn resolve_options(seed: u64, memory_bytes: u64) -> ResolveOptions {
     ResolveOptions { memory_bytes, seed: folded_seed(seed), ..ResolveOptions::default() }
@@ -107,7 +107,7 @@ pub(crate) fn table<'py>(
     };
     let seed: u64 = optional(options, "seed")?.unwrap_or(DEFAULT_SEED);
     let [width, height, slices] = size;
-    let texels = watched(py, progress.as_ref(), |watch| {
+    let texels = watched(py, heard(&progress, "drawing"), |watch| {
         let file = LookFile::read(&look)?;
         let resolve = resolve_options(seed, table.memory_bytes);
         let (_, texture) = look_texture(&file, texture.as_deref(), resolve)?;

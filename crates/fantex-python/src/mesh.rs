@@ -22,7 +22,7 @@ use pyo3::types::PyDict;
 use crate::arrays::{array, rows, triangles};
 use crate::asset::Asset;
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::{in_python, watched};
+use crate::watch::{heard, in_python, watched};
 
 /// A mesh, loaded and cleaned.
 #[pyclass(frozen, module = "fantex")]
@@ -45,9 +45,10 @@ impl Mesh {
             .map(|mesh| Self(Arc::new(mesh)))
     }
 
-    /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image.
+    /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image, and whether
+    /// that is known to be sound.
     #[staticmethod]
-    #[pyo3(signature = (positions, faces, colors=None, normals=None, uv=None, image=None, weld=None))]
+    #[pyo3(signature = (positions, faces, colors=None, normals=None, uv=None, image=None, is_sound=false, weld=None))]
     #[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
     fn of_arrays(
         py: Python<'_>,
@@ -57,6 +58,7 @@ impl Mesh {
         normals: Option<PyReadonlyArray2<'_, f32>>,
         uv: Option<PyReadonlyArray2<'_, f32>>,
         image: Option<Vec<u8>>,
+        is_sound: bool,
         weld: Option<f64>,
     ) -> PyResult<Self> {
         let positions = rows::<3, f64>(&positions, "positions")?;
@@ -93,7 +95,9 @@ impl Mesh {
         }
         let mesh = watched(py, None, |_| {
             // Given by hand, it is not left out.
-            model.images.iter().try_for_each(|image| read_image(image, ColorSpace::Srgb).map(drop))?;
+            if !is_sound {
+                model.images.iter().try_for_each(|image| read_image(image, ColorSpace::Srgb).map(drop))?;
+            }
             fantex::Mesh::from_model_with(model, "the mesh", &CleanOptions::welding(weld))
         })?;
         Ok(Self(Arc::new(mesh)))
@@ -245,7 +249,7 @@ pub(crate) fn parametrize<'py>(
     let faces = triangles(&faces, positions.len())?;
     let options = UnwrapOptions { side, padding };
     let clean = CleanOptions::welding(weld);
-    let (mesh, unwrapped) = watched(py, progress.as_ref(), |watch| {
+    let (mesh, unwrapped) = watched(py, heard(&progress, "unwrapping"), |watch| {
         unwrap_triangles(&positions, &faces, &clean, &options, watch)
     })?;
     let uv: Vec<[f32; 2]> = mesh.uv.iter().map(upwards).collect();

@@ -19,7 +19,7 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::asset::Asset;
 use crate::mesh::Mesh;
 use crate::options::{optional, word};
-use crate::watch::{exception, watched};
+use crate::watch::{exception, heard, watched};
 
 /// Eye, target, up, opening angle in degrees.
 type CameraParts = ([f64; 3], [f64; 3], [f64; 3], f64);
@@ -253,7 +253,7 @@ pub(crate) fn compare<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let view = View::new(options)?;
-    let (found, notes) = watched(py, progress.as_ref(), |watch| {
+    let (found, notes) = watched(py, heard(&progress, "comparing"), |watch| {
         let options = RenderOptions { background: Background::Transparent, ..view.options() };
         let (surface_a, mut notes) = a.surface(view.filter())?;
         let (surface_b, notes_of_b) = b.surface(view.filter())?;

@@ -7,7 +7,7 @@ use fantex::addresses::Target;
 use fantex::stream::ObjectTarget;
 use pyo3::prelude::*;
 
-use crate::watch::watched;
+use crate::watch::{heard, watched};
 
 /// Refuses an address to which nothing could be written; of paths nothing is asked.
 #[pyfunction]
@@ -37,6 +37,6 @@ pub(crate) fn upload(
     progress: Option<Bound<'_, PyAny>>,
 ) -> PyResult<(u64, u64, Vec<String>)> {
     let upload = Upload { file: &file, place: &place, force: overwrite };
-    let sent = watched(py, progress.as_ref(), |watch| upload.run(watch))?;
+    let sent = watched(py, heard(&progress, "uploading"), |watch| upload.run(watch))?;
     Ok((sent.objects, sent.bytes, sent.notes))
 }

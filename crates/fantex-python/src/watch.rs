@@ -15,6 +15,7 @@ use pyo3::exceptions::{
     PyRuntimeError, PyValueError,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 pyo3::create_exception!(
@@ -25,9 +26,10 @@ pyo3::create_exception!(
 );
 
 /// Flags and commands in the library's sentences, and what stands for them in Python; what is longer comes first.
-const ARGUMENTS: [(&str, &str); 25] = [
+const ARGUMENTS: [(&str, &str); 26] = [
     ("'fantex world --make-coarse'", "fantex.make_world(..., make_coarse=True)"),
     ("'fantex split'", "fantex.split"),
+    ("'fantex bake --weld'", "weld="),
     ("--channel displacement", "export_channels({\"displacement\": ...})"),
     ("--channel light", "export_channels({\"light\": ...})"),
     ("fewer --texels", "fewer texels="),
@@ -149,6 +151,8 @@ fn io_source(error: &fantex::Error) -> Option<&io::Error> {
 struct Step {
     /// From 1; 0 before the first.
     number: u64,
+    /// What is done, such as "covering".
+    word: &'static str,
     done: u64,
     total: u64,
 }
@@ -157,6 +161,8 @@ struct Step {
 #[derive(Default)]
 pub(crate) struct Watch {
     step: Mutex<Step>,
+    /// What is done in steps that have no word of their own.
+    word: &'static str,
     is_cancelled: AtomicBool,
     /// Why.
     failure: Mutex<Option<PyErr>>,
@@ -172,24 +178,99 @@ impl Watch {
     fn step(&self) -> MutexGuard<'_, Step> {
         self.step.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
 
-impl Progress for Watch {
-    fn report(&self, done: u64, total: u64) {
+    fn count(&self, word: &'static str, done: u64, total: u64) {
         // Callers divide by it.
         if total == 0 {
             return;
         }
         let mut step = self.step();
-        if done == 0 || step.total != total {
-            *step = Step { number: step.number + 1, done, total };
+        if done == 0 || step.total != total || step.word != word {
+            *step = Step { number: step.number + 1, word, done, total };
         } else {
             step.done = step.done.max(done);
         }
     }
 
+    /// Tells of one of several steps.
+    pub(crate) fn named(&self, word: &'static str) -> Named<'_> {
+        Named { watch: self, word }
+    }
+}
+
+impl Progress for Watch {
+    fn report(&self, done: u64, total: u64) {
+        self.count(self.word, done, total);
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        self.named(word).report((1000.0 * share) as u64, 1000);
+    }
+
     fn is_cancelled(&self) -> bool {
         self.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
+/// A step with a word of its own.
+pub(crate) struct Named<'a> {
+    watch: &'a Watch,
+    word: &'static str,
+}
+
+impl Progress for Named<'_> {
+    fn report(&self, done: u64, total: u64) {
+        self.watch.count(self.word, done, total);
+    }
+
+    fn prepare(&self, word: &'static str, share: f32) {
+        self.watch.prepare(word, share);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.watch.is_cancelled()
+    }
+}
+
+/// Who hears of progress, and what is done in steps that have no word of their own.
+pub(crate) type Heard<'a, 'py> = (&'a Bound<'py, PyAny>, &'static str);
+
+/// Who hears of work, if anybody does.
+pub(crate) fn heard<'a, 'py>(
+    progress: &'a Option<Bound<'py, PyAny>>,
+    word: &'static str,
+) -> Option<Heard<'a, 'py>> {
+    progress.as_ref().map(|progress| (progress, word))
+}
+
+/// Calls `progress(done, total)`, or `progress(done, total, step=step)` where it has such a parameter.
+#[pyfunction]
+pub(crate) fn tell(progress: &Bound<'_, PyAny>, done: u64, total: u64, step: &str) -> PyResult<()> {
+    Teller::of(progress).tell(done, total, step)
+}
+
+/// A function that hears of progress.
+struct Teller<'a, 'py> {
+    progress: &'a Bound<'py, PyAny>,
+    hears_steps: bool,
+}
+
+impl<'a, 'py> Teller<'a, 'py> {
+    fn of(progress: &'a Bound<'py, PyAny>) -> Self {
+        let has_parameter = || {
+            let signature = progress.py().import("inspect")?.call_method1("signature", (progress,))?;
+            signature.getattr("parameters")?.contains("step")
+        };
+        // Some that are not written in Python have no signature.
+        Self { progress, hears_steps: has_parameter().unwrap_or(false) }
+    }
+
+    fn tell(&self, done: u64, total: u64, step: &str) -> PyResult<()> {
+        let named = PyDict::new(self.progress.py());
+        if self.hears_steps {
+            named.set_item("step", step)?;
+        }
+        self.progress.call((done, total), Some(&named)).map(drop)
     }
 }
 
@@ -239,14 +320,15 @@ fn running(pool: Option<Pool>, builder: ThreadPoolBuilder) -> PyResult<Pool> {
     Ok((process, pool))
 }
 
-/// Runs work on a thread of its own, without the interpreter's lock. The calling thread calls `progress(done, total)` now and then and at the
+/// Runs work on a thread of its own, without the interpreter's lock. The calling thread [tells](tell) of it now and then and at the
 /// end, and ends the work on Ctrl-C or when that raises. What the call at the end raises is raised although the work is done.
 pub(crate) fn watched<T: Send>(
     py: Python<'_>,
-    progress: Option<&Bound<'_, PyAny>>,
+    progress: Option<Heard<'_, '_>>,
     work: impl FnOnce(&Watch) -> fantex::Result<T> + Send,
 ) -> PyResult<T> {
-    let watch = Watch::default();
+    let watch = Watch { word: progress.map_or("", |(_, word)| word), ..Watch::default() };
+    let teller = progress.map(|(progress, _)| Teller::of(progress));
     let caller = thread::current();
     // A thread has not ended yet when it wakes its caller.
     let is_done = AtomicBool::new(false);
@@ -254,9 +336,9 @@ pub(crate) fn watched<T: Send>(
     let mut told = Step::default();
     let mut tell = || {
         let step = *watch.step();
-        if let Some(progress) = progress.filter(|_| step != told && !watch.is_cancelled()) {
+        if let Some(teller) = teller.as_ref().filter(|_| step != told && !watch.is_cancelled()) {
             told = step;
-            if let Err(raised) = progress.call1((step.done, step.total)) {
+            if let Err(raised) = teller.tell(step.done, step.total, step.word) {
                 watch.fail(raised);
             }
         }

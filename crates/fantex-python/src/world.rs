@@ -16,7 +16,7 @@ use pyo3::types::PyDict;
 use crate::asset::Asset;
 use crate::export::{AtlasFiles, Exported, exported_fans, fan_files};
 use crate::picture::{Rendered, View, rendered};
-use crate::watch::{in_python, watched};
+use crate::watch::{heard, in_python, watched};
 
 /// Triangles, texels, length of the finest detail.
 type PreviewParts = (u64, u64, f64);
@@ -107,7 +107,7 @@ impl World {
         progress: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Exported> {
         let options = AtlasFiles::new(options)?;
-        let written = watched(py, progress.as_ref(), |watch| {
+        let written = watched(py, heard(&progress, "exporting"), |watch| {
             check_is_path(&path)?;
             export_world(&self.place, &self.world, &path, &options.options(), watch)
         })?;
@@ -123,7 +123,7 @@ impl World {
         progress: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Exported> {
         let options = fan_files(options)?;
-        let written = watched(py, progress.as_ref(), |watch| {
+        let written = watched(py, heard(&progress, "exporting"), |watch| {
             check_is_path(&path)?;
             export_world_fans(&self.place, &self.world, &path, &options, watch)
         })?;
@@ -141,7 +141,7 @@ pub(crate) fn verify_index<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = VerifyOptions { memory_bytes: memory, texels };
-    let report = watched(py, progress.as_ref(), |watch| verify_world(&place, &options, watch))?;
+    let report = watched(py, heard(&progress, "verifying"), |watch| verify_world(&place, &options, watch))?;
     let dict = PyDict::new(py);
     dict.set_item("ok", report.ok)?;
     dict.set_item("objects", report.objects.len())?;
@@ -171,10 +171,10 @@ pub(crate) fn split<'py>(
     let previews = previews.map(|(triangles, texels)| SectorPreviews { triangles, texels });
     let options = SplitOptions { triangles, previews, memory_bytes: memory, force: overwrite };
     let asset = asset.asset().shared();
-    let written = watched(py, progress.as_ref(), |watch| match is_address(&folder) {
+    let written = watched(py, heard(&progress, "splitting"), |watch| match is_address(&folder) {
         true => {
             let folder = StoreFolder::of_split(&folder, asset.path(), overwrite)?;
-            folder.split(asset, &options, [watch, watch])
+            folder.split(asset, &options, [watch, &watch.named("uploading")])
         }
         false => fantex::split(asset, &folder, &options, watch),
     })?;
@@ -208,7 +208,8 @@ pub(crate) fn change_world<'py>(
         previews: make_previews.then_some(previews),
         coarse: make_coarse.then_some(previews),
     };
-    let changed = watched(py, progress.as_ref(), |watch| fantex::change_world(&index, &change, watch))?;
+    let changed =
+        watched(py, heard(&progress, "changing"), |watch| fantex::change_world(&index, &change, watch))?;
     let figures = PyDict::new(py);
     figures.set_item("index", index.into_os_string())?;
     figures.set_item("added", changed.added)?;

@@ -126,9 +126,8 @@ def test_progress_may_end_a_bake(tmp_path, sphere):
 
 
 def test_what_the_last_call_raises_comes_after_the_file(tmp_path, sphere):
-    def progress(done, total):
-        # The covering ends at a total of 1000.
-        if done == total > 1000:
+    def progress(done, total, step):
+        if step == "baking" and done == total:
             raise RuntimeError("too late")
 
     with pytest.raises(RuntimeError, match="too late"):

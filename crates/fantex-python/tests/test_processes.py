@@ -87,12 +87,23 @@ def test_progress_from_none_to_all(tmp_path, sphere):
         time.sleep(0.2)
         return pattern(points)
 
-    told = []
-    settings = {"texels": 5000, "tile": 0, "source": slow, "progress": lambda *state: told.append(state)}
-    fantex.bake(fantex.Mesh(*sphere).simplified(20), tmp_path / "a.fan", **settings)
-    total = told[-1][1]
-    # Before, thousandths of the covering may have been told.
-    covering, baking = [[state for state in told if (state[1] == total) == is_last] for is_last in (False, True)]
-    assert told == covering + baking and all(of == 1000 for _, of in covering)
+    told, pairs = [], []
+
+    def progress(done, total, step):
+        told.append((step, done, total))
+
+    def progress_in_pairs(*state, **named):
+        pairs.append((*state, *named))
+
+    small = fantex.Mesh(*sphere).simplified(20)
+    fantex.bake(small, tmp_path / "a.fan", texels=5000, tile=0, source=slow, progress=progress)
+    # Those who do not ask for the step are not given it.
+    wood = fantex.solid("wood")
+    fantex.bake(small, tmp_path / "b.fan", texels=5000, tile=0, source=wood, progress=progress_in_pairs)
+    # Before texels, thousandths of the covering may have been told.
+    covering, baking = [[(done, of) for step, done, of in told if step == word] for word in ("covering", "baking")]
+    assert [(done, of) for _, done, of in told] == covering + baking and all(of == 1000 for _, of in covering)
+    total = baking[-1][1]
+    assert pairs[-1] == baking[-1]
     assert baking[0] == (0, total) and baking[-1] == (total, total) and total > 3000
     assert covering == sorted(covering) and baking == sorted(baking)

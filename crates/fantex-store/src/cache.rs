@@ -366,6 +366,7 @@ pub(crate) struct TexelQuad {
 
 impl TexelQuad {
     /// Texel centres lie at `(i + 0.5) / n`; the point is clamped to the rectangle that they span. NaN reads as 0.
+    #[inline]
     pub(crate) fn new(uv: Vec2, extent: [u32; 2]) -> Self {
         let axis = |u: f32, n: u32| {
             let last = n - 1;

@@ -11,7 +11,7 @@ use fantex_bake::{
 };
 use fantex_base::files::scratch_folder;
 use fantex_base::{Error, Result};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover_while};
 use fantex_mesh::{
     CleanOptions, Edges, Mesh, Model, VertexCorners, clean, corner_angle, shading_normals, simplified_keeping,
 };
@@ -241,7 +241,8 @@ pub(crate) fn write_coarse(
 ) -> Result<u64> {
     let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
     let budget = TexelBudget::Total(texels);
-    let (cover, _) = build_cover(coarse, &CoverOptions { budget, ..CoverOptions::default() })?;
+    let cover_options = CoverOptions { budget, ..CoverOptions::default() };
+    let (cover, _) = build_cover_while(coarse, &cover_options, &|_| !progress.is_cancelled())?;
     let bake_options = BakeOptions {
         memory_bytes: options.memory_bytes / 2,
         strict: options.strict,

@@ -119,6 +119,17 @@ fn a_bake_tells_how_much_of_its_model_is_covered() {
         assert!(shares.windows(2).all(|pair| pair[0] < pair[1]), "{shares:?}");
         assert_eq!(reports.is_empty(), is_plan);
     }
+    // So does covering alone, of a model without colours as well.
+    for longest_edge in [whole, LongestEdge::Automatic] {
+        let heard = Heard::default();
+        let baker = Baker::new(&mesh).texels(60_000).longest_edge(longest_edge);
+        let covered = baker.progress(&heard).cover_shape().unwrap();
+        assert_eq!(covered.texels_asked, Some(60_000));
+        assert!(longest_edge != whole || covered.mesh.triangles == mesh.triangles);
+        let (shares, reports) = heard.0.into_inner().unwrap();
+        assert!(shares.len() > 10 && shares[0] == 0.0 && shares[shares.len() - 1] == 1.0, "{shares:?}");
+        assert!(shares.windows(2).all(|pair| pair[0] < pair[1]) && reports.is_empty(), "{shares:?}");
+    }
     // Whoever knows no such steps hears of thousandths first.
     #[derive(Default)]
     struct Reports(Mutex<Vec<[u64; 2]>>);

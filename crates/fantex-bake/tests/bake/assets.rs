@@ -207,6 +207,42 @@ fn a_cancelled_bake_leaves_nothing_and_keeps_what_was_there() {
     }
 }
 
+/// Counts its points, and wants to stop after ten.
+#[derive(Default)]
+struct Slow(AtomicU64);
+
+impl Source for Slow {
+    fn has_slow_points(&self) -> bool {
+        true
+    }
+
+    fn evaluate(&self, _: &TexelPoint, values: &mut [Vec4]) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        values.fill(Vec4::ONE);
+    }
+}
+
+impl Progress for Slow {
+    fn report(&self, _: u64, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed) >= 10
+    }
+}
+
+#[test]
+fn bakes_end_between_points_that_are_slow() {
+    let mesh = cleaned(generate::grid(2));
+    let cover = cover(&mesh, 1024, 4096);
+    assert_eq!(cover.groups.len(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    let slow = Slow::default();
+    let error = bake(&mesh, &cover, &slow, &folder.path().join("a.fan"), &BakeOptions::default(), &slow);
+    assert!(error.unwrap_err().is_cancelled());
+    // One tile is the work of one thread.
+    assert_eq!(slow.0.into_inner(), 10);
+}
+
 #[test]
 fn nothing_is_overwritten_unless_forced() {
     let mesh = cleaned(generate::cube(1));

@@ -481,13 +481,7 @@ impl BakeJob<'_> {
             .strict(context.strict)
             .memory(context.memory_bytes)
             .seed(self.seed);
-        if let Some(texels) = cover.texels {
-            baker = baker.texels(texels.0);
-        }
-        if let Some(density) = cover.density {
-            baker = baker.density(density);
-        }
-        baker = cover.limits(baker);
+        baker = cover.given_to(baker);
         if self.match_source {
             baker = baker.matching();
         }

@@ -18,7 +18,7 @@ use fantex::mesh::{CleanOptions, LoadOptions, Model, SurfacePoint, clean, load};
 use fantex::render::{FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
-use fantex::{Mesh, Result};
+use fantex::{Baker, Covered, LongestEdge, Mesh, Result};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -168,10 +168,10 @@ struct FidelityInfo {
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
     let mesh = &crate::scene::open_model(&args.model)?;
-    let default = CoverOptions::default();
-    let tile = args.tile.unwrap_or(default.tile);
-    let budget = TexelBudget::Total(args.texels.0);
-    let (cover, stats) = build_cover(mesh, &CoverOptions { budget, tile, ..default })?;
+    let tile = args.tile.unwrap_or(CoverOptions::default().tile);
+    let progress = context.step("covering", "M texels");
+    let Covered { cover, stats, .. } =
+        uncut(mesh, args.texels).tile(tile).progress(&progress).cover_shape()?;
     let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();
     let k = std::f64::consts::TAU / (args.wavelength * ideal_texel);
     let source = SineSource { k: k as f32 };
@@ -222,7 +222,8 @@ fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     let model = open_model(args, context)?;
     let mut rows = Vec::new();
     for (name, tile) in [("cover, grouped", CoverOptions::default().tile), ("cover, one fan per tile", 0)] {
-        let options = cover_options(args, tile);
+        let budget = TexelBudget::Total(args.texels.0);
+        let options = CoverOptions { budget, tile, ..CoverOptions::default() };
         let mut best_seconds = f64::INFINITY;
         for _ in 0..REPETITIONS {
             let model = model.clone();
@@ -352,7 +353,8 @@ struct Baked {
 impl Bench {
     fn open(args: &ModelArgs, context: &Context) -> Result<Self> {
         let mesh = open(args, context)?;
-        let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
+        let progress = context.step("covering", "M texels");
+        let cover = uncut(&mesh, args.texels).progress(&progress).cover_shape()?.cover;
         let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
         let folder = scratch_folder()?;
         Ok(Self { mesh, cover, source, folder })
@@ -394,8 +396,9 @@ fn open_model(args: &ModelArgs, context: &Context) -> Result<Model> {
     Ok(landscape(&options)?.into())
 }
 
-fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
-    CoverOptions { budget: TexelBudget::Total(args.texels.0), tile, ..CoverOptions::default() }
+/// A baker that leaves triangles whole.
+fn uncut(mesh: &Mesh, Count(texels): Count) -> Baker<'_> {
+    Baker::new(mesh).texels(texels).longest_edge(LongestEdge::Texels(0))
 }
 
 /// Seconds of the fastest repetition.

@@ -1,13 +1,12 @@
 //! `fantex info`: what is in a file, and for a model the cover that it would get.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, build_cover, pack};
+use fantex::cover::{Cover, CoverStats, Percentiles, pack};
 use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
@@ -19,7 +18,7 @@ use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::{Input, ReadArgs};
-use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, texels_asked, whole};
+use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -95,37 +94,28 @@ impl CoverArgs {
         given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
 
-    /// The mesh that is covered.
-    fn refined<'m>(&self, mesh: &'m fantex::mesh::Mesh, budget: &TexelBudget) -> Cow<'m, fantex::mesh::Mesh> {
-        self.longest_edge.unwrap_or_default().0.refined(mesh, budget, self.options(budget.clone()).tile)
+    /// Whether texels or a density were asked for.
+    fn has_budget(&self) -> bool {
+        self.texels.is_some() || self.density.is_some()
     }
 
-    /// The number of texels or the density that was asked for.
-    pub(crate) fn budget(&self, mesh: &fantex::mesh::Mesh) -> Option<TexelBudget> {
-        let per_world_unit = self.density.map(|d| TexelBudget::Density(d * mesh.world_from_mesh.scale));
-        self.texels.map(|texels| TexelBudget::Total(texels.0)).or(per_world_unit)
-    }
-
-    /// A baker with these limits of tiles and edges.
-    pub(crate) fn limits<'m>(&self, baker: Baker<'m>) -> Baker<'m> {
-        let baker = match self.tile {
-            Some(tile) => baker.tile(tile),
-            None => baker,
-        };
-        match self.longest_edge {
-            Some(LongestEdgeArg(longest_edge)) => baker.longest_edge(longest_edge),
-            None => baker,
+    /// A baker with these texels and limits of tiles and edges.
+    pub(crate) fn given_to<'m>(&self, mut baker: Baker<'m>) -> Baker<'m> {
+        if let Some(Count(texels)) = self.texels {
+            baker = baker.texels(texels);
         }
-    }
-
-    pub(crate) fn options(&self, budget: TexelBudget) -> CoverOptions {
-        let default = CoverOptions::default();
-        CoverOptions { budget, tile: self.tile.unwrap_or(default.tile), ..default }
+        if let Some(density) = self.density {
+            baker = baker.density(density);
+        }
+        if let Some(tile) = self.tile {
+            baker = baker.tile(tile);
+        }
+        if let Some(LongestEdgeArg(longest_edge)) = self.longest_edge {
+            baker = baker.longest_edge(longest_edge);
+        }
+        baker
     }
 }
-
-/// Texels where nothing else says how many.
-pub(crate) const DEFAULT_BUDGET: TexelBudget = TexelBudget::Total(4_000_000);
 
 #[derive(Debug, Serialize)]
 struct Stretch {
@@ -271,33 +261,31 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
 fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo> {
     let started = Instant::now();
     let mut report = mesh.notes().to_vec();
+    let progress = context.step("covering", "M texels");
+    let baker = || args.cover.given_to(Baker::new(mesh)).progress(&progress);
     // Textures have a density of their own.
-    let baked = match args.cover.budget(mesh) {
-        None if mesh.has_materials() => args.cover.limits(Baker::new(mesh)).cover().map(Some),
-        _ => Ok(None),
+    let of_textures = match mesh.has_materials() && !args.cover.has_budget() {
+        true => baker().cover().map(Some),
+        false => Ok(None),
     };
-    let baked = baked.unwrap_or_else(|error| {
-        report.push(format!(
-            "Shown is the cover for 4 million texels, as there is none for its textures: {error}."
-        ));
-        None
-    });
-    let (covered, cover, stats, texels_asked) = match baked {
-        Some(Covered { mesh, cover, stats, texels_asked, left_out, .. }) => {
-            if context.strict {
-                left_out.check()?;
-            }
-            report.extend(left_out.notes());
-            (Cow::Owned(mesh), cover, stats, texels_asked)
+    let of_textures = of_textures.or_else(|error| match error.is_cancelled() {
+        true => Err(error),
+        false => {
+            report.push(format!(
+                "Shown is the cover for 4 million texels, as there is none for its textures: {error}."
+            ));
+            Ok(None)
         }
-        None => {
-            let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
-            let texels_asked = texels_asked(&budget);
-            let covered = args.cover.refined(mesh, &budget);
-            let (cover, stats) = build_cover(&covered, &args.cover.options(budget))?;
-            (covered, cover, stats, texels_asked)
-        }
+    })?;
+    let covered = match of_textures {
+        Some(covered) => covered,
+        None => baker().cover_shape()?,
     };
+    let Covered { mesh: covered, cover, stats, texels_asked, left_out, .. } = covered;
+    if context.strict {
+        left_out.check()?;
+    }
+    report.extend(left_out.notes());
     let seconds = Seconds {
         load: mesh.load_time().as_secs_f64(),
         clean: mesh.clean_time().as_secs_f64(),

@@ -560,6 +560,27 @@ fn pictures_of_an_interrupted_turntable_are_counted() {
     assert!(line.contains(&expected), "{line}");
 }
 
+#[cfg(unix)]
+#[test]
+fn pictures_that_were_finished_before_a_failure_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let [turn, moved] = ["turn", "moved"].map(|name| folder.path().join(name));
+    let mut command = fantex();
+    command.arg("export").arg(model).arg("-o").arg(&turn);
+    command.args(["--turntable", "3600", "--size", "320x240"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for_files(&mut child, &turn, 3);
+    std::fs::rename(&turn, &moved).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{errors}");
+    let is_picture = |name: &&String| name.len() == "turn-0001.png".len() && name.starts_with("turn-");
+    let count = files(&moved).iter().filter(is_picture).count();
+    let expected = format!("; finished before that: {count} of 3 600 pictures in {}", turn.display());
+    assert!(errors.trim_end().ends_with(&expected), "{errors}");
+}
+
 /// Outside the project's folder its looks and models lie in a temporary one.
 #[cfg(unix)]
 #[test]

@@ -18,6 +18,8 @@ pub(crate) struct Store {
     /// Where commands look for it, and what it knows who asks by.
     variables: Vec<(&'static str, String)>,
     keys: &'static [(&'static str, &'static str)],
+    /// The folder for temporary files of commands: what they finish and cannot send stays there.
+    temporary: tempfile::TempDir,
 }
 
 /// What commands of these tests get from nobody else.
@@ -61,7 +63,8 @@ impl Store {
         BufReader::new(child.stdout.take()?).read_line(&mut line).ok()?;
         let port: u16 = line.trim().parse().ok()?;
         let server = format!("http://127.0.0.1:{port}");
-        Some(Self { child, variables: variables(&server), server, keys })
+        let temporary = tempfile::tempdir().ok()?;
+        Some(Self { child, variables: variables(&server), server, keys, temporary })
     }
 
     pub(crate) fn command(&self, arguments: &[&str], keys: &[(&str, &str)]) -> Command {
@@ -70,7 +73,7 @@ impl Store {
         for name in FOREIGN {
             command.env_remove(name);
         }
-        command.env("AWS_SHARED_CREDENTIALS_FILE", "none");
+        command.env("AWS_SHARED_CREDENTIALS_FILE", "none").env("TMPDIR", self.temporary.path());
         for (name, value) in &self.variables {
             command.env(name, value);
         }

@@ -357,6 +357,8 @@ pub enum AssetChannel {
     /// Heights.
     Displacement,
     /// Occlusion, roughness, metallic as red, green, blue.
+    Orm,
+    /// As `orm`.
     Surface,
 }
 

@@ -54,7 +54,9 @@ impl Resolver<'_> {
             Some(AssetChannel::BaseColor) => ("base_color", position(ChannelKind::BaseColor)),
             Some(AssetChannel::Emission) => ("emission", position(ChannelKind::Emission)),
             Some(AssetChannel::Displacement) => ("displacement", position(ChannelKind::Displacement)),
-            Some(AssetChannel::Surface) => ("surface", position(ChannelKind::OcclusionRoughnessMetallic)),
+            Some(AssetChannel::Orm | AssetChannel::Surface) => {
+                ("orm", position(ChannelKind::OcclusionRoughnessMetallic))
+            }
             None => {
                 let light = position(ChannelKind::Light);
                 ("light or base_color", light.or_else(|| position(ChannelKind::BaseColor)))

@@ -84,6 +84,22 @@ fn every_example_is_a_look() {
     assert!(count > 30, "{count} examples");
 }
 
+/// The object of the first step, the material of the second, and the scene of the third.
+#[test]
+fn the_steps_of_the_page_make_one_look() {
+    let page = page();
+    let (_, section) = page.split_once("## Step by step").unwrap();
+    let steps: Vec<&str> =
+        section.split("```toml\n").skip(1).take(3).map(|block| block.split("```").next().unwrap()).collect();
+    let object = steps[0].split("[materials.copper]").next().unwrap();
+    for text in
+        [steps[0].to_owned(), format!("{object}{}", steps[1]), format!("{object}{}{}", steps[1], steps[2])]
+    {
+        let result = LookFile::parse(&text, Path::new("copper.toml"));
+        assert!(result.is_ok(), "{}\n{text}", result.unwrap_err());
+    }
+}
+
 /// Definitions of the names that an example uses and leaves to the reader.
 fn missing_names(text: &str) -> String {
     let mut added = String::new();

@@ -95,6 +95,16 @@ fn what_is_written_is_read_alike() {
     assert!(!text.contains("twist") && text.len() < 1200, "{text}");
 }
 
+/// The word that options have, and another one for it.
+#[test]
+fn the_channel_of_roughness_has_two_names() {
+    for channel in ["orm", "surface"] {
+        let text = format!("[textures.worn]\nkind = \"asset\"\nasset = \"a.fan\"\nchannel = \"{channel}\"\n");
+        let written = parse(&text).unwrap().look().to_toml().unwrap();
+        assert!(written.contains(&format!("channel = \"{channel}\"")), "{written}");
+    }
+}
+
 #[test]
 fn unknown_keys_come_with_a_suggestion() {
     refused(

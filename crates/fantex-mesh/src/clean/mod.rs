@@ -449,8 +449,8 @@ impl CleanReport {
         let length = in_two_digits(self.near_distance);
         (self.vertices_near > 0).then(|| {
             format!(
-                "{vertices} within a millionth of the model's size of another one, but not joined to it: there the surface has a seam. --weld joins \
-                 vertices that lie up to a length apart, such as {length}."
+                "{vertices} within a millionth of the model's size of another one, but not joined to it: there the surface has a seam. 'fantex bake \
+                 --weld' joins vertices that lie up to a length apart, such as {length}."
             )
         })
     }

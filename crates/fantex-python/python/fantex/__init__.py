@@ -13,8 +13,8 @@ they meet. The *texture function* that comes out is continuous everywhere, whate
 
 Conventions: positions are in the units of the model's file, y or z up as it says. Faces are triangles, counter-clockwise seen
 from outside. Colours are linear RGBA as floats, or sRGB as ``uint8``. Texture coordinates have v upwards, so that row 0 of a
-picture lies at v = 1. ``progress`` is called on the thread that asked, at the end once more: what it raises then comes after the
-result is there.
+picture lies at v = 1. ``progress(done, total)`` is called on the thread that asked, at the end once more: what it raises then comes
+after the result is there. If it has a parameter of the name ``step``, it is given what is done, too: ``"covering"``, ``"baking"``.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from typing import Any, Callable, Optional, Sequence
+from typing import Any, Callable, Optional, Protocol, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -12,7 +12,14 @@ from . import _native
 from ._given import PATHS, Path, amount, length, whole
 from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
 
-Progress = Callable[[int, int], Any]
+
+class StepProgress(Protocol):
+    """Hears what is done, too: ``"covering"``, ``"baking"``, ``"uploading"``."""
+
+    def __call__(self, done: int, total: int, /, *, step: str) -> Any: ...
+
+
+Progress = Union[Callable[[int, int], Any], StepProgress]
 
 
 def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) -> np.ndarray:
@@ -61,13 +68,14 @@ def _linear_rgba(colors: Any, count: int, name: str) -> np.ndarray:
     return rgba
 
 
-def _encoded(picture: Any) -> bytes:
-    """A picture as the bytes of a file: encoded already, a path, a PIL image, or an array (h, w, c), sRGB as uint8, linear as floats."""
+def _encoded(picture: Any) -> Tuple[bytes, bool]:
+    """A picture as the bytes of a file: encoded already, a path, a PIL image, or an array (h, w, c), sRGB as uint8, linear as floats; and
+    whether it was encoded here, so that nobody has to see whether it can be decoded."""
     if isinstance(picture, (bytes, bytearray)) or (isinstance(picture, memoryview) and picture.ndim == 1):
-        return bytes(picture)
+        return bytes(picture), False
     if isinstance(picture, (str, os.PathLike)):
         with io.open(picture, "rb") as file:
-            return file.read()
+            return file.read(), False
     array = _plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
     if array.ndim not in (2, 3) or not (array.dtype == np.uint8 or array.dtype.kind == "f"):
         raise TypeError(f"a picture is (h, w) or (h, w, c), uint8 or float, not {array.shape} {array.dtype}")
@@ -75,7 +83,7 @@ def _encoded(picture: Any) -> bytes:
         array = array[:, :, None]
     if array.dtype.kind == "f" and array.shape[2] in (1, 2, 3, 4):
         array = _srgb8(array)
-    return _native.encode_png(np.ascontiguousarray(array, np.uint8))
+    return _native.encode_png(np.ascontiguousarray(array, np.uint8)), True
 
 
 class Mesh:
@@ -115,9 +123,9 @@ class Mesh:
             uv = _array(uv, np.float32, "uv", 2)
         if image is not None and uv is None:
             raise ValueError("image needs uv, the coordinates that lay it over the mesh")
-        encoded = None if image is None else _encoded(image)
+        encoded, is_sound = (None, True) if image is None else _encoded(image)
         weld = length(weld, "weld")
-        self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded, weld)
+        self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded, is_sound, weld)
 
     @classmethod
     def load(cls, path: Path, *, weld: Optional[float] = None) -> "Mesh":

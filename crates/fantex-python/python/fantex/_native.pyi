@@ -1,11 +1,14 @@
 """The compiled part: strict about types and shapes. Use the package's own functions instead."""
 
-from typing import Any, Callable, Dict, List, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Protocol, Tuple, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
-Progress = Optional[Callable[[int, int], Any]]
+class _StepProgress(Protocol):
+    def __call__(self, done: int, total: int, /, *, step: str) -> Any: ...
+
+Progress = Optional[Union[Callable[[int, int], Any], _StepProgress]]
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Indices = NDArray[np.uint32]
@@ -43,6 +46,7 @@ class Mesh:
         normals: Optional[Floats] = None,
         uv: Optional[Floats] = None,
         image: Optional[bytes] = None,
+        is_sound: bool = False,
         weld: Optional[float] = None,
     ) -> "Mesh": ...
     @staticmethod
@@ -137,6 +141,7 @@ def make_preview(
     asset: str, triangles: int, texels: Optional[int], keep_borders: bool, memory: int, progress: Progress
 ) -> Tuple[int, int, int]: ...
 def remove_preview(asset: str) -> bool: ...
+def tell(progress: Progress, done: int, total: int, step: str) -> None: ...
 def verify_index(place: str, texels: bool, memory: int, progress: Progress) -> Dict[str, Any]: ...
 def split(
     asset: Asset,

@@ -182,7 +182,8 @@ class _Run:
                     raise lasting
                 done += 1
                 if self.progress is not None:
-                    self.progress(self.plan.texels * done // self.count, self.plan.texels)
+                    texels = self.plan.texels
+                    _native.tell(self.progress, texels * done // self.count, texels, "baking")
         finally:
             self.client.cancel(list(futures), force=True)
 

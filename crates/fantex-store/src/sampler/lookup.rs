@@ -25,8 +25,8 @@ pub struct TileLookup {
     footprint: [Vec2; 2],
     filter: Filter,
     /// Probes and the way, in tile coordinates, that they are spread over.
-    probes: u32,
-    span: Vec2,
+    pub(super) probes: u32,
+    pub(super) span: Vec2,
 }
 
 impl TileLookup {
@@ -138,19 +138,6 @@ impl TileLookup {
         matches!(filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic)
     }
 
-    /// Visits the bilinear look-ups that it consists of: tile (none: the group's mean), tile coordinates, share.
-    pub(super) fn for_each_probe(&self, mut visit: impl FnMut(Option<TileId>, Vec2, f32)) {
-        let levels = [(Some(self.fine), 1.0 - self.coarse_share), (self.coarse(), self.coarse_share)];
-        for (tile, share) in levels.into_iter().filter(|(_, share)| *share != 0.0) {
-            if tile.is_none() {
-                visit(tile, self.uv, share);
-                continue;
-            }
-            let share = share / self.probes as f32;
-            (0..self.probes).for_each(|probe| visit(tile, self.probe(probe), share));
-        }
-    }
-
     fn probe(&self, number: u32) -> Vec2 {
         let along = (number as f32 + 0.5) / self.probes as f32 - 0.5;
         self.uv + self.span * along
@@ -171,7 +158,7 @@ impl TileLookup {
 }
 
 /// Tiles along a footprint: what is longer sees the mean, too, and fourth powers of this in texels are still numbers.
-const MAX_FOOTPRINT: f32 = (1 << 14) as f32;
+pub(super) const MAX_FOOTPRINT: f32 = (1 << 14) as f32;
 
 fn bounded(derivative: Vec2) -> Vec2 {
     let bounded = |x: f32| if x.is_nan() { 0.0 } else { x.clamp(-MAX_FOOTPRINT, MAX_FOOTPRINT) };

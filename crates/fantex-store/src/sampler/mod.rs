@@ -14,7 +14,9 @@
 //! of many (`batch`) differs from it by at most 1e-5.
 
 mod batch;
+mod levels;
 mod lookup;
+mod plan;
 
 use std::sync::{Arc, OnceLock};
 
@@ -261,7 +263,7 @@ impl<S: TileSource> Sampler<S> {
         let mut sum = Vec4::ZERO;
         for tap in self.taps(point) {
             let stored = self.lookup(&tap, footprint).sample(&self.tiles, channel);
-            sum += self.in_mesh_space(kind, stored, &tap, vertex_normal) * tap.weight;
+            sum += self.in_mesh_space(kind, stored, tap.group, vertex_normal) * tap.weight;
         }
         value_of_sum(kind, sum, vertex_normal)
     }
@@ -283,7 +285,7 @@ impl<S: TileSource> Sampler<S> {
                 let Some(channel) = channel else { continue };
                 let stored = lookup.sample(&self.tiles, channel);
                 sums[place] +=
-                    self.in_mesh_space(VALUE_KINDS[place], stored, &tap, at.vertex_normal) * tap.weight;
+                    self.in_mesh_space(VALUE_KINDS[place], stored, tap.group, at.vertex_normal) * tap.weight;
                 lookups += 1;
             }
         }
@@ -328,8 +330,8 @@ impl<S: TileSource> Sampler<S> {
     /// A stored value in a form that can be added to those of other tiles: normals in mesh space, stretches relative to
     /// [`stretch_axes`], all else as it is.
     #[inline]
-    fn in_mesh_space(&self, kind: ChannelKind, stored: Vec4, tap: &Tap, vertex_normal: Vec3) -> Vec4 {
-        let group = || &self.cover.groups[tap.group as usize];
+    fn in_mesh_space(&self, kind: ChannelKind, stored: Vec4, group: u32, vertex_normal: Vec3) -> Vec4 {
+        let group = || &self.cover.groups[group as usize];
         let pair = Vec2::new(stored.x, stored.y);
         match kind {
             ChannelKind::Normal => group().normal_from_stored(pair, vertex_normal).extend(0.0),

@@ -234,16 +234,16 @@ fn choose_levels<S: Simd>(simd: S, probes: &mut Probes, steps: &Steps, size: Vec
         let one = S::f32s::splat(simd, 1.0);
         let is_wide = squared.simd_gt(one);
         let squared = is_wide.select(squared, one).min(f32::MAX);
-        let lod = (log2::<S>(squared) * 0.5).min(last as f32);
+        let lod = (log2_lanes::<S>(squared) * 0.5).min(last as f32);
         let fine = lod.to_int::<S::u32s>();
         fine.store_slice(&mut probes.fine.0[range.clone()]);
         (lod - fine.to_float::<S::f32s>()).store_slice(&mut probes.share.0[range]);
     }
 }
 
-/// As the scalar `log2`.
+/// [`log2`](super::log2) of many numbers, equal bit by bit.
 #[inline(always)]
-fn log2<S: Simd>(x: S::f32s) -> S::f32s {
+pub fn log2_lanes<S: Simd>(x: S::f32s) -> S::f32s {
     const MANTISSA: u32 = 0x007f_ffff;
     const OFFSET: f32 = SQRT_2 * 0.5;
     let bits = x.bitcast::<S::u32s>() - OFFSET.to_bits();

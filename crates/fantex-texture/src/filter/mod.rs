@@ -15,7 +15,7 @@ mod footprint;
 mod mipmap;
 mod taps;
 
-pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
+pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid, log2_lanes};
 pub use footprint::{EWA_MINOR_TEXELS, EllipseRow, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, log2};
 pub use mipmap::{Overlap, halved_level, halved_row, overlaps};
 pub use taps::catmull_rom_weights;

@@ -7,17 +7,16 @@ use std::sync::LazyLock;
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Select, dispatch};
-use glam::{IVec3, Vec3};
 
-use super::{Cellular, CellularMetric, Fractal, Noise, RADIUS2, SCALES, band_limit};
+use super::{Fractal, RADIUS2, SCALES, band_limit};
 
 /// Most octaves that [`octave_values`] evaluates.
 pub(super) const MAX_OCTAVES: usize = 16;
 
 /// Points that are brought from `x y z x y z` to `x x y y z z` at a time.
-const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 64;
 
-fn level() -> Level {
+pub(super) fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL
 }
@@ -98,13 +97,13 @@ impl<Origin> Octaves<Origin> {
             // Lanes beyond the last point repeat it, so that they share its cells.
             transpose(&mut at, out.len(), |i| point(first + i));
             transpose(&mut widths, out.len(), |i| [footprint(first + i)]);
-            self.dispatch_block(kernel, &at, &widths[0], out);
+            self.dispatch(kernel, &at, &widths[0], out);
         }
     }
 
     // A function of its own, so that there is one for all closures that give points.
     #[inline(never)]
-    fn dispatch_block<const D: usize>(
+    fn dispatch<const D: usize>(
         &self,
         kernel: &mut impl Kernel<D>,
         at: &[[f32; BLOCK]; D],
@@ -128,25 +127,32 @@ impl<Origin> Octaves<Origin> {
         Origin: Fn(u32) -> Option<[f32; D]>,
     {
         let lanes = S::f32s::LEN;
-        let narrowest = footprints.iter().copied().fold(f32::INFINITY, f32::min);
-        let mean = S::f32s::splat(simd, self.mean);
+        let [narrowest, widest] = least_and_greatest(footprints);
+        let [zero, mean] = [S::f32s::splat(simd, 0.0), S::f32s::splat(simd, self.mean)];
         let mut sums = [0.0_f32; BLOCK];
         let (mut frequency, mut amplitude) = (1.0, 1.0);
         for octave in 0..self.fractal.octaves {
             let seen_from = (self.origin)(octave).filter(|_| band_limit(frequency, narrowest) > 0.0);
             if let Some(origin) = seen_from {
+                let is_whole = band_limit(frequency, widest) == 1.0;
                 for first in (0..out.len()).step_by(lanes) {
-                    let left = band_limits(simd, load(simd, footprints, first) * frequency);
+                    let mut left = zero;
+                    if !is_whole {
+                        left = band_limits(simd, load(simd, footprints, first) * frequency);
+                    }
                     let is_left = left.simd_gt(0.0);
                     let mut value = mean;
-                    if is_left.any_true() {
+                    if is_whole || is_left.any_true() {
                         let mut place = [mean; D];
                         for d in 0..D {
                             place[d] = load(simd, &at[d], first) * frequency + origin[d];
                         }
                         let noise = kernel.value(simd, octave_seed(self.seed, octave), place);
-                        let shaped = mean + left * (self.shape.of_lanes(simd, noise) - mean);
-                        value = is_left.select(shaped, mean);
+                        let mut beyond_mean = self.shape.of_lanes(simd, noise) - mean;
+                        if !is_whole {
+                            beyond_mean = is_left.select(left * beyond_mean, zero);
+                        }
+                        value = mean + beyond_mean;
                     }
                     let sum = load(simd, &sums, first) + value * amplitude;
                     sum.store_slice(&mut sums[first..first + lanes]);
@@ -166,57 +172,18 @@ pub(super) fn octave_seed(seed: u32, octave: u32) -> u32 {
     seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab))
 }
 
-/// Noise of one seed at all points; `point` gives the coordinates of one.
-pub(super) fn values_at<const D: usize>(
-    kernel: &mut impl Kernel<D>,
-    seed: u32,
-    point: impl Fn(usize) -> [f32; D],
-    out: &mut [f32],
-) {
-    let mut at = [[0.0; BLOCK]; D];
-    for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
-        transpose(&mut at, out.len(), |i| point(first + i));
-        dispatch_values(kernel, seed, &at, out);
-    }
-}
-
-#[inline(never)]
-fn dispatch_values<const D: usize>(
-    kernel: &mut impl Kernel<D>,
-    seed: u32,
-    at: &[[f32; BLOCK]; D],
-    out: &mut [f32],
-) {
-    dispatch!(level(), simd => values_in(simd, kernel, seed, at, out));
-}
-
 /// Columns of the coordinates of `count` points; what is left repeats the last one.
-fn transpose<const D: usize>(at: &mut [[f32; BLOCK]; D], count: usize, point: impl Fn(usize) -> [f32; D]) {
+pub(super) fn transpose<const D: usize>(
+    at: &mut [[f32; BLOCK]; D],
+    count: usize,
+    point: impl Fn(usize) -> [f32; D],
+) {
     for (i, p) in (0..count).map(point).enumerate() {
         at.iter_mut().zip(p).for_each(|(at, x)| at[i] = x);
     }
     for at in at {
         let last = at[count - 1];
         at[count..].fill(last);
-    }
-}
-
-#[inline(always)]
-fn values_in<S: Simd, const D: usize>(
-    simd: S,
-    kernel: &mut impl Kernel<D>,
-    seed: u32,
-    at: &[[f32; BLOCK]; D],
-    out: &mut [f32],
-) {
-    let lanes = S::f32s::LEN;
-    for (first, out) in (0..).step_by(lanes).zip(out.chunks_mut(lanes)) {
-        let mut place = [S::f32s::splat(simd, 0.0); D];
-        for d in 0..D {
-            place[d] = load(simd, &at[d], first);
-        }
-        let value = kernel.value(simd, seed, place);
-        out.copy_from_slice(&value.as_slice()[..out.len()]);
     }
 }
 
@@ -249,8 +216,19 @@ fn octaves_in<S: Simd>(
     }
 }
 
+/// Of numbers that are not negative, by their bits, which vectors compare without a thought of what is no number.
 #[inline(always)]
-fn load<S: Simd, const COUNT: usize>(simd: S, from: &[f32; COUNT], first: usize) -> S::f32s {
+fn least_and_greatest(numbers: &[f32; BLOCK]) -> [f32; 2] {
+    let (mut least, mut greatest) = (i32::MAX, i32::MIN);
+    for number in numbers {
+        let bits = number.to_bits() as i32;
+        (least, greatest) = (least.min(bits), greatest.max(bits));
+    }
+    [least, greatest].map(|bits| f32::from_bits(bits as u32))
+}
+
+#[inline(always)]
+pub(super) fn load<S: Simd, const COUNT: usize>(simd: S, from: &[f32; COUNT], first: usize) -> S::f32s {
     S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN])
 }
 
@@ -269,36 +247,36 @@ fn mix<S: Simd>(low: S::f32s, high: S::f32s, share: S::f32s) -> S::f32s {
 }
 
 #[inline(always)]
-fn absorb_all<S: Simd>(hash: S::u32s, coordinate: S::u32s) -> S::u32s {
+pub(super) fn absorb_all<S: Simd>(hash: S::u32s, coordinate: S::u32s) -> S::u32s {
     let mixed = ((hash ^ coordinate) + 0x9e37_79b9) * 0x85eb_ca6b;
     mixed ^ (mixed >> 15)
 }
 
 #[inline(always)]
-fn finish_all<S: Simd>(hash: S::u32s) -> S::u32s {
+pub(super) fn finish_all<S: Simd>(hash: S::u32s) -> S::u32s {
     let mixed = hash * 0xc2b2_ae35;
     (mixed ^ (mixed >> 16)) * 0x27d4_eb2f
 }
 
 /// [`unit`](super::unit) of many hashes.
 #[inline(always)]
-fn units<S: Simd>(hash: S::u32s) -> S::f32s {
+pub(super) fn units<S: Simd>(hash: S::u32s) -> S::f32s {
     (hash >> 8).bitcast::<S::i32s>().to_float::<S::f32s>() * (1.0 / (1 << 24) as f32)
 }
 
 /// The bit of a float that is its sign.
-const SIGN: u32 = 1 << 31;
+pub(super) const SIGN: u32 = 1 << 31;
 
 /// The unit cells of points and the points' offsets inside.
 #[derive(Clone, Copy)]
-struct CellsAndOffsets<S: Simd, const D: usize> {
-    cells: [S::u32s; D],
-    offsets: [S::f32s; D],
+pub(super) struct CellsAndOffsets<S: Simd, const D: usize> {
+    pub(super) cells: [S::u32s; D],
+    pub(super) offsets: [S::f32s; D],
 }
 
 impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
     #[inline(always)]
-    fn new(mut offsets: [S::f32s; D]) -> Self {
+    pub(super) fn new(mut offsets: [S::f32s; D]) -> Self {
         let mut cells = [offsets[0].bitcast::<S::u32s>(); D];
         for d in 0..D {
             let floor = offsets[d].floor();
@@ -308,68 +286,141 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
         Self { cells, offsets }
     }
 
-    /// The cell that all lanes are in, if they are in one.
+    /// The cell of a lane, and the lanes that are in it.
     #[inline(always)]
-    fn shared(&self, simd: S) -> Option<[u32; D]> {
-        let mut first = [0; D];
+    pub(super) fn shared(&self, simd: S, lane: usize) -> ([u32; D], <S::u32s as SimdBase<S>>::Mask) {
+        let mut cell = [0; D];
         let mut differs = S::u32s::splat(simd, 0);
-        for (first, cells) in first.iter_mut().zip(self.cells) {
-            *first = cells.as_slice()[0];
-            differs |= cells ^ S::u32s::splat(simd, *first);
+        for (cell, cells) in cell.iter_mut().zip(self.cells) {
+            *cell = cells.as_slice()[lane];
+            differs |= cells ^ S::u32s::splat(simd, *cell);
         }
-        differs.simd_eq(0).all_true().then_some(first)
+        (cell, differs.simd_eq(0))
     }
 }
 
 // ---- Gradients on a cubic lattice.
 
-/// [`Noise::value`]. Texels that follow one another mostly lie in one cell of all but the finest octaves, and share its gradients.
+/// [`Noise::value`](super::Noise::value). Texels that follow one another mostly lie in one cell or two of all but the finest octaves, and share their
+/// gradients.
 #[derive(Default)]
 pub(super) struct Gradients {
-    /// Seed and cell that `slopes` belong to.
-    known: Option<(u32, [u32; 3])>,
-    slopes: [Vec3; 8],
+    /// Of seeds and cells that were met last.
+    known: [(Option<(u32, [u32; 3])>, CornerSlopes); 2],
+    /// Which is forgotten next.
+    oldest: usize,
+}
+
+impl Gradients {
+    /// The gradients at a cell's corners.
+    #[inline(always)]
+    fn slopes<S: Simd>(&mut self, simd: S, seed: u32, cell: [u32; 3]) -> &CornerSlopes {
+        let asked = Some((seed, cell));
+        let known = self.known.iter().position(|(known, _)| *known == asked);
+        let index = known.unwrap_or(self.oldest);
+        if known.is_none() {
+            self.known[index] = (asked, corner_slopes(simd, seed, cell));
+            self.oldest = 1 - index;
+        }
+        &self.known[index].1
+    }
+}
+
+/// Gradients at the corners of a cell by axis, x fastest; as many as whole vectors hold.
+type CornerSlopes = [[f32; CORNER_LANES]; 3];
+
+/// The widest vectors have more lanes than a cell has corners.
+const CORNER_LANES: usize = 16;
+
+/// Steps from the lowest corner of a cell to each, by axis; x fastest.
+const CORNER_STEPS: [[u32; CORNER_LANES]; 3] = {
+    let mut steps = [[0; CORNER_LANES]; 3];
+    let mut corner = 0;
+    while corner < CORNER_LANES {
+        steps[0][corner] = corner as u32 & 1;
+        steps[1][corner] = corner as u32 >> 1 & 1;
+        steps[2][corner] = corner as u32 >> 2 & 1;
+        corner += 1;
+    }
+    steps
+};
+
+/// The scalar gradients at the corners of a cell in the lanes of vectors.
+#[inline(always)]
+fn corner_slopes<S: Simd>(simd: S, seed: u32, cell: [u32; 3]) -> CornerSlopes {
+    let mut slopes = [[0.0; CORNER_LANES]; 3];
+    let [zero, one] = [S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0)];
+    let lanes = S::f32s::LEN;
+    for first in (0..8).step_by(lanes) {
+        let range = first..first + lanes;
+        let mut hash = S::u32s::splat(simd, seed);
+        for axis in (0..3).rev() {
+            let step = S::u32s::from_slice(simd, &CORNER_STEPS[axis][range.clone()]);
+            hash = absorb_all::<S>(hash, step + cell[axis]);
+        }
+        let gradient = GradientNumbers::of(simd, hash);
+        let [first_sign, second_sign] = gradient.signed([one; 2]);
+        gradient.has_x.select(first_sign, zero).store_slice(&mut slopes[0][range.clone()]);
+        let y = gradient.has_no_z.select(second_sign, gradient.has_x.select(zero, first_sign));
+        y.store_slice(&mut slopes[1][range.clone()]);
+        gradient.has_no_z.select(zero, second_sign).store_slice(&mut slopes[2][range]);
+    }
+    slopes
 }
 
 impl Kernel<3> for Gradients {
     #[inline(always)]
     fn value<S: Simd>(&mut self, simd: S, seed: u32, at: [S::f32s; 3]) -> S::f32s {
         let place = CellsAndOffsets::<S, 3>::new(at);
-        let Some(cell) = place.shared(simd) else {
-            return gradient_noise(simd, S::u32s::splat(simd, seed), place);
-        };
-        if self.known != Some((seed, cell)) {
-            self.known = Some((seed, cell));
-            self.slopes = Noise::new(seed).corner_gradients(IVec3::from_array(cell.map(|c| c as i32)));
+        let (cell, inside) = place.shared(simd, 0);
+        if inside.all_true() {
+            return noise_in_cell(simd, self.slopes(simd, seed, cell), place.offsets);
         }
-        let [x, y, z] = place.offsets;
-        let (beyond_x, beyond_y, beyond_z) = (x - 1.0, y - 1.0, z - 1.0);
-        let [share_x, share_y, share_z] = [fade::<S>(x), fade::<S>(y), fade::<S>(z)];
-        let [a, b, c, d, e, f, g, h] = &self.slopes;
-        let near = mix::<S>(
-            mix::<S>(dot(simd, a, [x, y, z]), dot(simd, b, [beyond_x, y, z]), share_x),
-            mix::<S>(dot(simd, c, [x, beyond_y, z]), dot(simd, d, [beyond_x, beyond_y, z]), share_x),
-            share_y,
-        );
-        let far = mix::<S>(
-            mix::<S>(dot(simd, e, [x, y, beyond_z]), dot(simd, f, [beyond_x, y, beyond_z]), share_x),
-            mix::<S>(
-                dot(simd, g, [x, beyond_y, beyond_z]),
-                dot(simd, h, [beyond_x, beyond_y, beyond_z]),
-                share_x,
-            ),
-            share_y,
-        );
-        mix::<S>(near, far, share_z)
+        let (other, others) = place.shared(simd, inside.to_bitmask().trailing_ones() as usize);
+        if (inside | others).any_false() {
+            return gradient_noise(simd, S::u32s::splat(simd, seed), place);
+        }
+        let noise = noise_in_cell(simd, self.slopes(simd, seed, cell), place.offsets);
+        inside.select(noise, noise_in_cell(simd, self.slopes(simd, seed, other), place.offsets))
     }
 }
 
-/// The product with a gradient whose coordinates are 0 or of length 1: one sum of two offsets, so fusing does not matter.
+/// The noise of lanes in a cell with these gradients at its corners.
 #[inline(always)]
-fn dot<S: Simd>(simd: S, slope: &Vec3, [x, y, z]: [S::f32s; 3]) -> S::f32s {
-    let of_z = z * slope.z;
-    let of_y = y.mul_add(S::f32s::splat(simd, slope.y), of_z);
-    x.mul_add(S::f32s::splat(simd, slope.x), of_y)
+fn noise_in_cell<S: Simd>(simd: S, slopes: &CornerSlopes, [x, y, z]: [S::f32s; 3]) -> S::f32s {
+    let (beyond_x, beyond_y, beyond_z) = (x - 1.0, y - 1.0, z - 1.0);
+    let [share_x, share_y, share_z] = [fade::<S>(x), fade::<S>(y), fade::<S>(z)];
+    let near = mix::<S>(
+        mix::<S>(dot(simd, slopes, 0, [x, y, z]), dot(simd, slopes, 1, [beyond_x, y, z]), share_x),
+        mix::<S>(
+            dot(simd, slopes, 2, [x, beyond_y, z]),
+            dot(simd, slopes, 3, [beyond_x, beyond_y, z]),
+            share_x,
+        ),
+        share_y,
+    );
+    let far = mix::<S>(
+        mix::<S>(
+            dot(simd, slopes, 4, [x, y, beyond_z]),
+            dot(simd, slopes, 5, [beyond_x, y, beyond_z]),
+            share_x,
+        ),
+        mix::<S>(
+            dot(simd, slopes, 6, [x, beyond_y, beyond_z]),
+            dot(simd, slopes, 7, [beyond_x, beyond_y, beyond_z]),
+            share_x,
+        ),
+        share_y,
+    );
+    mix::<S>(near, far, share_z)
+}
+
+/// The product with a corner's gradient, whose coordinates are 0 or of length 1: one sum of two offsets, so fusing does not matter.
+#[inline(always)]
+fn dot<S: Simd>(simd: S, slopes: &CornerSlopes, corner: usize, [x, y, z]: [S::f32s; 3]) -> S::f32s {
+    let of_z = z * slopes[2][corner];
+    let of_y = y.mul_add(S::f32s::splat(simd, slopes[1][corner]), of_z);
+    x.mul_add(S::f32s::splat(simd, slopes[0][corner]), of_y)
 }
 
 /// See the scalar version for the meaning of each step.
@@ -418,15 +469,40 @@ fn fade<S: Simd>(t: S::f32s) -> S::f32s {
 /// The product of a corner's gradient, chosen by its hash, and the offset `d` from the corner.
 #[inline(always)]
 fn height<S: Simd>(simd: S, hash: S::u32s, d: [S::f32s; 3]) -> S::f32s {
-    let hash = finish_all::<S>(hash);
-    // The upper four bits of floor(3/4 hash) are floor(12 hash / 2^32), the gradient's number. Halves and quarters are rounded
-    // down; together they miss 1 where the lowest two bits are set.
-    let half = hash >> 1;
-    let number = half + (hash >> 2) + (hash & half & 1);
-    // Gradients 0..4 lie in the plane of x and y, 4..8 of x and z, the others of y and z; two bits are the signs.
-    let first = number.simd_lt(S::u32s::splat(simd, 8 << 28)).select(d[0], d[1]);
-    let second = number.simd_lt(S::u32s::splat(simd, 4 << 28)).select(d[1], d[2]);
-    signed::<S>(first, number << 3) + signed::<S>(second, number << 2)
+    let gradient = GradientNumbers::of(simd, hash);
+    let [first, second] =
+        gradient.signed([gradient.has_x.select(d[0], d[1]), gradient.has_no_z.select(d[1], d[2])]);
+    first + second
+}
+
+/// Which of the twelve gradients corners have.
+struct GradientNumbers<S: Simd> {
+    /// In the upper four bits.
+    numbers: S::u32s,
+    has_x: S::mask32s,
+    has_no_z: S::mask32s,
+}
+
+impl<S: Simd> GradientNumbers<S> {
+    /// Those of corners with these hashes.
+    #[inline(always)]
+    fn of(simd: S, hash: S::u32s) -> Self {
+        let hash = finish_all::<S>(hash);
+        // The upper four bits of floor(3/4 hash) are floor(12 hash / 2^32), the gradient's number. Halves and quarters are rounded
+        // down; together they miss 1 where the lowest two bits are set.
+        let half = hash >> 1;
+        let numbers = half + (hash >> 2) + (hash & half & 1);
+        // Gradients 0..4 lie in the plane of x and y, 4..8 of x and z, the others of y and z; two bits are the signs.
+        let has_x = numbers.simd_lt(S::u32s::splat(simd, 8 << 28));
+        let has_no_z = numbers.simd_lt(S::u32s::splat(simd, 4 << 28));
+        Self { numbers, has_x, has_no_z }
+    }
+
+    /// What belongs to the first and to the second coordinate that is not 0, with the signs of these.
+    #[inline(always)]
+    fn signed(&self, [first, second]: [S::f32s; 2]) -> [S::f32s; 2] {
+        [signed::<S>(first, self.numbers << 3), signed::<S>(second, self.numbers << 2)]
+    }
 }
 
 /// The value with its sign turned where the uppermost bit is set.
@@ -514,200 +590,4 @@ fn height_of_four<S: Simd>(simd: S, hash: S::u32s, d: [S::f32s; 4]) -> S::f32s {
     let second = hash.simd_lt(S::u32s::splat(simd, 2 << 30)).select(d[1], d[2]);
     let third = hash.simd_lt(S::u32s::splat(simd, 1 << 30)).select(d[2], d[3]);
     signed::<S>(first, hash << 4) + signed::<S>(second, hash << 3) + signed::<S>(third, hash << 2)
-}
-
-// ---- Scattered points.
-
-/// What cellular noise is made of.
-#[derive(Clone, Copy)]
-pub(super) enum CellularValue {
-    Nearest,
-    Border,
-    Id,
-}
-
-/// [`cellular`](super::cellular) in space.
-pub(super) struct Scattered {
-    pub(super) metric: CellularMetric,
-    pub(super) value: CellularValue,
-}
-
-impl Kernel<3> for Scattered {
-    #[inline(always)]
-    fn value<S: Simd>(&mut self, simd: S, seed: u32, at: [S::f32s; 3]) -> S::f32s {
-        let found = scattered(simd, seed, at, self.metric);
-        match self.value {
-            CellularValue::Nearest => found.nearest,
-            CellularValue::Border => found.second - found.nearest,
-            CellularValue::Id => found.id * 2.0 - 1.0,
-        }
-    }
-}
-
-/// [`Cellular`](super::Cellular) of the lanes.
-#[derive(Clone, Copy)]
-struct Found<S: Simd> {
-    nearest: S::f32s,
-    second: S::f32s,
-    id: S::f32s,
-}
-
-impl<S: Simd> Found<S> {
-    #[inline(always)]
-    fn add(&mut self, distance: S::f32s, id: S::f32s) {
-        let is_nearer = distance.simd_lt(self.nearest);
-        self.second = is_nearer.select(self.nearest, self.second.min(distance));
-        self.nearest = self.nearest.min(distance);
-        self.id = is_nearer.select(id, self.id);
-    }
-}
-
-/// [`cellular`](super::cellular) at many points.
-pub(super) fn cellular_at(
-    seed: u32,
-    metric: CellularMetric,
-    point: impl Fn(usize) -> [f32; 3],
-    out: &mut [Cellular],
-) {
-    let mut at = [[0.0; BLOCK]; 3];
-    for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
-        transpose(&mut at, out.len(), |i| point(first + i));
-        dispatch!(level(), simd => cellular_in(simd, seed, metric, &at, out));
-    }
-}
-
-#[inline(always)]
-fn cellular_in<S: Simd>(
-    simd: S,
-    seed: u32,
-    metric: CellularMetric,
-    at: &[[f32; BLOCK]; 3],
-    out: &mut [Cellular],
-) {
-    let lanes = S::f32s::LEN;
-    for (first, out) in (0..).step_by(lanes).zip(out.chunks_mut(lanes)) {
-        let place = [load(simd, &at[0], first), load(simd, &at[1], first), load(simd, &at[2], first)];
-        let Found { nearest, second, id } = scattered(simd, seed, place, metric);
-        let lanes = nearest.as_slice().iter().zip(second.as_slice()).zip(id.as_slice());
-        for (out, ((&nearest, &second), &id)) in out.iter_mut().zip(lanes) {
-            *out = Cellular { nearest, second, id };
-        }
-    }
-}
-
-/// The scattered points nearest to the lanes' places, ring by ring as in the scalar search.
-#[inline(always)]
-fn scattered<S: Simd>(simd: S, seed: u32, at: [S::f32s; 3], metric: CellularMetric) -> Found<S> {
-    let place = CellsAndOffsets::<S, 3>::new(at);
-    let one = S::f32s::splat(simd, 1.0);
-    let mut margin = S::f32s::splat(simd, 0.5);
-    for t in place.offsets {
-        margin = margin.min(t).min(one - t);
-    }
-    let far = S::f32s::splat(simd, f32::INFINITY);
-    let mut found = Found { nearest: far, second: far, id: S::f32s::splat(simd, 0.0) };
-    for ring in 0..=super::CELLULAR_RINGS {
-        let reach = margin + (ring as f32 - 1.0);
-        let is_open = lengths::<S>(metric, found.second).simd_gt(reach);
-        if !is_open.any_true() {
-            break;
-        }
-        visit_ring(simd, seed, &place, metric, (ring, is_open), &mut found);
-    }
-    Found {
-        nearest: lengths::<S>(metric, found.nearest),
-        second: lengths::<S>(metric, found.second),
-        id: found.id,
-    }
-}
-
-#[inline(always)]
-fn visit_ring<S: Simd>(
-    simd: S,
-    seed: u32,
-    place: &CellsAndOffsets<S, 3>,
-    metric: CellularMetric,
-    (ring, is_open): (i32, <S::f32s as SimdBase<S>>::Mask),
-    found: &mut Found<S>,
-) {
-    let (zero, far) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, f32::INFINITY));
-    let [x, y, z] = place.offsets;
-    for number_z in 0..=2 * ring {
-        let step_z = outwards(number_z);
-        let gap_z = joined::<S>(metric, zero, gap(simd, z, step_z));
-        if !is_near::<S>(gap_z, found) {
-            continue;
-        }
-        let of_z = absorb_all::<S>(S::u32s::splat(simd, seed), place.cells[2] + step_z as u32);
-        for number_y in 0..=2 * ring {
-            let step_y = outwards(number_y);
-            let gap_yz = joined::<S>(metric, gap_z, gap(simd, y, step_y));
-            if !is_near::<S>(gap_yz, found) {
-                continue;
-            }
-            let of_yz = absorb_all::<S>(of_z, place.cells[1] + step_y as u32);
-            let is_on_ring = step_z.abs().max(step_y.abs()) == ring;
-            // Within the ring's square only the ends of a row.
-            let first = if is_on_ring || ring == 0 { 0 } else { 2 * ring - 1 };
-            for number_x in first..=2 * ring {
-                let step_x = outwards(number_x);
-                // In the nearest ring a look is nearly as dear as a cell.
-                if ring > 1 && !is_near::<S>(joined::<S>(metric, gap_yz, gap(simd, x, step_x)), found) {
-                    continue;
-                }
-                let hash = finish_all::<S>(absorb_all::<S>(of_yz, place.cells[0] + step_x as u32));
-                let mut distance = joined::<S>(metric, zero, to_point(simd, hash, 0, step_x, x));
-                distance = joined::<S>(metric, distance, to_point(simd, hash, 1, step_y, y));
-                distance = joined::<S>(metric, distance, to_point(simd, hash, 2, step_z, z));
-                found.add(is_open.select(distance, far), units::<S>(hash));
-            }
-        }
-    }
-}
-
-/// From the lanes' places to the points of cells with these hashes, so many steps away, along an axis.
-#[inline(always)]
-fn to_point<S: Simd>(simd: S, hash: S::u32s, axis: u32, step: i32, offset: S::f32s) -> S::f32s {
-    units::<S>(finish_all::<S>(absorb_all::<S>(hash, S::u32s::splat(simd, axis)))) + step as f32 - offset
-}
-
-/// 0, -1, 1, -2, 2, ...: points that are found first spare the search of cells farther away.
-#[inline(always)]
-fn outwards(number: i32) -> i32 {
-    if number % 2 == 0 { number / 2 } else { -(number + 1) / 2 }
-}
-
-/// From the lanes' places to the cell so many steps away along an axis.
-#[inline(always)]
-fn gap<S: Simd>(simd: S, offset: S::f32s, step: i32) -> S::f32s {
-    match step {
-        0 => S::f32s::splat(simd, 0.0),
-        1.. => S::f32s::splat(simd, step as f32) - offset,
-        _ => offset - (step + 1) as f32,
-    }
-}
-
-/// Whether a cell this far away may hold a point that is nearer than the second nearest of a lane.
-#[inline(always)]
-fn is_near<S: Simd>(gap: S::f32s, found: &Found<S>) -> bool {
-    gap.simd_lt(found.second * super::CELLULAR_SLACK).any_true()
-}
-
-/// [`CellularMetric::joined`] in lanes.
-#[inline(always)]
-fn joined<S: Simd>(metric: CellularMetric, distance: S::f32s, along: S::f32s) -> S::f32s {
-    let absolute = (along.bitcast::<S::u32s>() & !SIGN).bitcast::<S::f32s>();
-    match metric {
-        CellularMetric::Euclidean => distance + along * along,
-        CellularMetric::Manhattan => distance + absolute,
-        CellularMetric::Chebyshev => distance.max(absolute),
-    }
-}
-
-#[inline(always)]
-fn lengths<S: Simd>(metric: CellularMetric, distance: S::f32s) -> S::f32s {
-    match metric {
-        CellularMetric::Euclidean => distance.sqrt(),
-        _ => distance,
-    }
 }

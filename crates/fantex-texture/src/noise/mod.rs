@@ -9,9 +9,11 @@ use serde::{Deserialize, Serialize};
 
 mod lanes;
 mod perlin3;
+mod scattered;
 
-use lanes::{CellularValue, Gradients, Kernel, Octaves, Scattered, Shape, Simplices, octave_seed};
+use lanes::{Gradients, Kernel, Octaves, Shape, Simplices, octave_seed};
 pub use perlin3::*;
+use scattered::{CellularValue, KnownPoints, Scattered};
 
 /// What is left of noise with cells of `frequency` per unit when it is averaged over `footprint`: 1 up to half a cell, 0 from a whole one on.
 /// Periods of noise are about two cells long, and texels as wide as the footprint show none that is shorter than two of them.
@@ -274,7 +276,7 @@ const CELLULAR_SLACK: f32 = 1.0001;
 /// If the slices differ in length.
 pub fn cellular_all(seed: u32, points: &[Vec3], metric: CellularMetric, out: &mut [Cellular]) {
     assert_eq!(points.len(), out.len(), "one value for every point");
-    lanes::cellular_at(seed, metric, |i| points[i].to_array(), out);
+    scattered::cellular_at(seed, metric, |i| points[i].to_array(), out);
 }
 
 /// The cells whose farthest coordinate is `ring` steps away.
@@ -426,7 +428,7 @@ impl FractalNoise {
     pub fn values(&self, points: &[Vec3], footprints: &[f32], out: &mut [f32]) {
         assert_eq!(points.len(), out.len(), "one value for every point");
         let at = |i: usize| points[i].to_array();
-        let scattered = |value| Scattered { metric: self.metric, value };
+        let scattered = |value| Scattered { metric: self.metric, value, known: KnownPoints::default() };
         match self.family {
             NoiseFamily::Perlin => self.sums(&mut Gradients::default(), at, footprints, out),
             NoiseFamily::Simplex => self.sums(&mut Simplices, at, footprints, out),

@@ -9,7 +9,7 @@
 use arrayvec::ArrayVec;
 use glam::{IVec3, Vec3};
 
-use super::lanes::{Gradients, MAX_OCTAVES, Octaves, Shape, octave_seed, octave_values, values_at};
+use super::lanes::{Gradients, MAX_OCTAVES, Octaves, Shape, octave_seed, octave_values};
 use super::{absorb, band_limit, finish, unit};
 
 /// A seeded pattern of gradient noise.
@@ -110,11 +110,12 @@ impl Noise {
 
     /// [`Noise::values`] of points that a function gives by their numbers.
     pub(crate) fn values_of(&self, point: impl Fn(usize) -> Vec3, out: &mut [f32]) {
-        values_at(&mut Gradients::default(), self.seed, |i| point(i).to_array(), out);
+        // The first octave is the noise itself.
+        self.sums_of(OctaveShape::PLAIN, Fractal::octaves(1), point, |_| 0.0, out);
     }
 
     /// The gradients at the corners of a cell, in the order of [`CORNERS`].
-    pub(super) fn corner_gradients(&self, cell: IVec3) -> [Vec3; 8] {
+    fn corner_gradients(&self, cell: IVec3) -> [Vec3; 8] {
         let next = cell.wrapping_add(IVec3::ONE);
         // The hash takes one coordinate after the other, so corners share its beginning.
         let along_z = [cell.z, next.z].map(|z| absorb(self.seed, z));

@@ -11,7 +11,6 @@ use std::sync::Arc;
 use fantex_base::input::{Held, hold};
 use fantex_base::{Error, Result, counted};
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use crate::color::unorm16;
 use crate::filter::{

@@ -166,6 +166,10 @@ where
         self.source.has_shares()
     }
 
+    fn has_slow_points(&self) -> bool {
+        self.source.has_slow_points()
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let evaluate = |own: &mut [Vec4]| self.source.evaluate(point, own);
         self.fill(std::slice::from_ref(point), values, evaluate);

@@ -216,12 +216,26 @@ impl<'a> Baker<'a> {
     ///
     /// # Errors
     /// The model has no such materials or colours; what the source names cannot be read.
-    pub fn cover(self) -> Result<Covered> {
+    pub fn cover(self) -> Result<Covered<'static>> {
         let found = RefCell::default();
         let Baked { texels_asked, cover: stats, left_out, .. } = self.reach(&Goal::Cover(&found))?;
         let nothing = || Error::unsupported("such a source covers no model");
         let (mesh, cover) = found.into_inner().ok_or_else(nothing)?;
-        Ok(Covered { mesh, cover, stats, texels_asked, left_out })
+        Ok(Covered { mesh: Cow::Owned(mesh), cover, stats, texels_asked, left_out })
+    }
+
+    /// Covers the model's shape, whatever is baked onto it: with the texels or the density that were asked for, else with
+    /// [`default_texels`](Self::default_texels).
+    ///
+    /// # Errors
+    /// The model cannot be covered with such numbers; the work was ended.
+    pub fn cover_shape(self) -> Result<Covered<'a>> {
+        let budget = self.nominal_budget(self.mesh, None);
+        let texels_asked = texels_of(&budget);
+        let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None)?;
+        let (cover, stats) = self.covered(&mesh, budget, false)?;
+        self.progress.end_covering();
+        Ok(Covered { mesh, cover, stats, texels_asked, left_out: LeftOut::default() })
     }
 
     /// Makes a model with ordinary texture coordinates instead of an asset: `.glb`, or `.gltf` with files beside it. Its pictures are the smallest in
@@ -369,8 +383,7 @@ impl<'a> Baker<'a> {
         #[cfg(feature = "export")]
         if let Goal::Model(path, options) = *goal {
             budget.check(mesh.triangles.len())?;
-            let texels = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
-            let options = &ExportOptions { texels: texels.or(options.texels), ..options.clone() };
+            let options = &ExportOptions { texels: texels_of(&budget).or(options.texels), ..options.clone() };
             return match model::needs_tiles(mesh, source) {
                 true => self.model_of_asset(mesh, source, own_density, path, options),
                 false => {
@@ -382,7 +395,7 @@ impl<'a> Baker<'a> {
         // Larger numbers were told of before.
         let is_told = is_own_density && budget_texels(mesh, &budget) > MANY_TEXELS as f64;
         let started = Instant::now();
-        let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
+        let texels_asked = texels_of(&budget);
         let (cover, stats) = self.cover_of(mesh, budget, source, goal)?;
         self.progress.end_covering();
         let cover_time = started.elapsed();
@@ -417,10 +430,19 @@ impl<'a> Baker<'a> {
             let groups = plan.cover.groups.len() as u64;
             return Ok((Cow::Borrowed(&plan.cover), CoverStats { groups, ..CoverStats::default() }));
         }
-        let cut_creases = source.jumps_at_creases();
-        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
-        let (cover, stats) = self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))?;
+        let (cover, stats) = self.covered(mesh, budget, source.jumps_at_creases())?;
         Ok((Cow::Owned(cover), stats))
+    }
+
+    /// Covers a mesh whose triangles are cut already.
+    fn covered(
+        &self,
+        mesh: &fantex_mesh::Mesh,
+        budget: TexelBudget,
+        cut_creases: bool,
+    ) -> Result<(Cover, CoverStats)> {
+        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
+        self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))
     }
 
     /// Fills the tiles of a cover, as far as the goal needs them.
@@ -533,9 +555,9 @@ impl<'g> Goal<'g> {
 /// What a bake would cover, and how.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
-pub struct Covered {
+pub struct Covered<'a> {
     /// The model, with its triangles cut.
-    pub mesh: fantex_mesh::Mesh,
+    pub mesh: Cow<'a, fantex_mesh::Mesh>,
     /// Its tiles.
     pub cover: Cover,
     /// Groups, texels, stretch.
@@ -581,6 +603,11 @@ fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
     Err(Error::unsupported(format!(
         "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
     )))
+}
+
+/// The number of texels, where it is one.
+fn texels_of(budget: &TexelBudget) -> Option<u64> {
+    if let TexelBudget::Total(texels) = budget { Some(*texels) } else { None }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use fantex_bake::Progress;
+use fantex_bake::{BakeOptions, Progress};
 use fantex_base::files::folder_of;
 use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
@@ -89,20 +89,14 @@ impl Baker<'_> {
         }
         let density = (self.budget == Budget::Matching).then(|| source.density());
         let progress = UntilFailure { progress: self.progress.progress, source: &source };
-        let mut options = self.options.clone();
         // The other half holds photographs.
-        options.memory_bytes /= 2;
+        let options = BakeOptions { memory_bytes: self.options.memory_bytes / 2, ..self.options.clone() };
         let baker = Baker {
-            mesh: self.mesh,
             source: None,
-            budget: self.budget,
-            default_texels: self.default_texels,
             channels: self.channels.clone(),
-            tile: self.tile,
-            longest_edge: self.longest_edge,
-            seed: self.seed,
             options,
             progress: self.progress.followed_by(&progress),
+            ..*self
         };
         let baked = baker.bake(mesh, &source, density, goal);
         if let Some(error) = source.failure() {
