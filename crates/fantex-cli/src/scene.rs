@@ -59,6 +59,11 @@ impl Scene {
         }
     }
 
+    /// Whether it is a model without textures and colours, which is drawn grey.
+    pub(crate) fn is_grey(&self) -> bool {
+        matches!(&self.content, Content::Model(model) if !model.has_materials() && !model.has_vertex_colors())
+    }
+
     pub(crate) fn asset(&self) -> Option<&Arc<Asset>> {
         match &self.content {
             Content::Model(_) => None,

@@ -32,6 +32,8 @@ pub enum TexelBudget {
 pub struct CoverOptions {
     /// How many texels the surface gets.
     pub budget: TexelBudget,
+    /// Stored texels at most, unless tiles are at their smallest: where densities would take more, all of them shrink alike.
+    pub most_texels: Option<u64>,
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile.
     pub tile: u32,
     /// Width of the blend band in barycentric coordinates, 0 < delta <= 1/3.
@@ -46,6 +48,7 @@ impl Default for CoverOptions {
     fn default() -> Self {
         Self {
             budget: TexelBudget::Total(4 << 20),
+            most_texels: None,
             tile: 1024,
             delta: 1.0 / 16.0,
             facing: 0.25,
@@ -123,7 +126,13 @@ pub fn build_cover_while(
     };
     let Sized { mut cover, texels, scale } = match options.budget {
         TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, sized)?,
-        _ => sized(Scales::all(1.0))?,
+        _ => {
+            let found = sized(Scales::all(1.0))?;
+            match options.most_texels {
+                Some(most) if found.texels > most => sized_to_total(&grouping.laid, most, sized)?,
+                _ => found,
+            }
+        }
     };
     cover.is_creased = options.cut_creases;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;

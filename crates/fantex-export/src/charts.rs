@@ -66,6 +66,28 @@ impl Chart {
         Self::new(triangles, corners)
     }
 
+    /// Cut across between its triangles, by halves, until no piece is longer than `length`, as far as triangles are short enough.
+    pub(crate) fn cut_across(self, length: f32) -> Vec<Self> {
+        let (mut whole, mut cut) = (vec![self], Vec::new());
+        let mut rectangles = RectangleFinder::default();
+        while let Some(chart) = whole.pop() {
+            let longest = chart.extent.max_element();
+            let axis = usize::from(chart.extent.y > chart.extent.x);
+            let is_first = |corners: &[Vec2; 3]| corners.iter().map(|p| p[axis]).sum::<f32>() < 1.5 * longest;
+            let halves = [true, false].map(|first| {
+                let (triangles, corners) =
+                    chart.iter().filter(|(_, corners)| is_first(corners) == first).unzip();
+                Self::new(triangles, corners)
+            });
+            let is_shorter = |half: &Self| !half.triangles.is_empty() && half.extent[axis] < 0.75 * longest;
+            match longest > length && halves.iter().all(is_shorter) {
+                true => whole.extend(halves.map(|half| half.lying(&mut rectangles))),
+                false => cut.push(chart),
+            }
+        }
+        cut
+    }
+
     /// Its triangles and where their corners lie.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (u32, [Vec2; 3])> {
         self.triangles.iter().copied().zip(self.corners.iter().copied())

@@ -131,6 +131,12 @@ const MAX_TAKEN_SHARE: f64 = 0.75;
 /// Where blocks have more texels than this for each one of a chart, charts are needles, and consist of padding.
 const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
 
+/// A share of a picture that charts fill well.
+const FILLED_SHARE: f64 = 0.7;
+
+/// Charts longer than so many sides of a picture that all of them fill well are cut across.
+const MAX_LENGTH: f32 = 2.0;
+
 /// Cuts the mesh into charts and packs them.
 ///
 /// # Errors
@@ -138,7 +144,8 @@ const MAX_TEXELS_PER_TEXEL: f64 = 8.0;
 pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress) -> Result<Layout> {
     let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
     let across = continued(mesh);
-    let mut charts = charts(mesh, &across, request.texels_per_unit, &step);
+    let charts = charts(mesh, &across, request.texels_per_unit, &step);
+    let mut charts = cut_across(charts, request);
     if has_strips(charts.len()) {
         // Among masks of one size, those of neighbours come together.
         charts.sort_by_cached_key(|chart| morton(middle(mesh, chart)));
@@ -195,6 +202,31 @@ fn padding(charts: &[Chart], side: u32, request: &AtlasRequest) -> u32 {
         padding /= 2;
     }
     padding.max(1)
+}
+
+/// Charts so long that they alone would dictate the side of the picture are cut across.
+fn cut_across(charts: Vec<Chart>, request: &AtlasRequest) -> Vec<Chart> {
+    let longest = fitting_length(&charts, request);
+    let pieces = |chart: Chart| match chart.extent.max_element() > MAX_LENGTH * longest {
+        true => chart.cut_across(longest),
+        false => vec![chart],
+    };
+    charts.into_iter().flat_map(pieces).collect()
+}
+
+/// The side of a square that charts and the padding along them fill well, mesh units.
+fn fitting_length(charts: &[Chart], request: &AtlasRequest) -> f32 {
+    let area = charts.iter().map(flat_area).sum::<f64>();
+    let length: f64 = charts.iter().map(|chart| f64::from(chart.extent.max_element())).sum();
+    let side = f64::from(request.side.unwrap_or(request.largest_side));
+    let fills = side * (FILLED_SHARE / area.max(f64::MIN_POSITIVE)).sqrt();
+    let density = match request.side {
+        Some(_) => fills,
+        None => fills.min(f64::from(request.texels_per_unit)),
+    };
+    let padding = f64::from(request.padding.unwrap_or(MIN_PADDING)) / density;
+    let filled = ((area + padding * length) / FILLED_SHARE).sqrt();
+    filled.max(f64::from(MIN_CHOSEN_SIDE) / density) as f32
 }
 
 /// Texels of the blocks that a chart's rectangle takes.
@@ -556,6 +588,41 @@ mod tests {
         mesh.triangles.extend((0..100).map(|i| [0, 1, 2].map(|k| 3 * i + k)));
         let charts: Vec<Chart> = (0..100).map(|t| Chart::projected(&mesh, vec![t], Vec3::Z)).collect();
         assert_eq!(padding(&charts, 2048, &request), 16);
+    }
+
+    /// A long strip beside a disc is cut across: the picture has no more texels than the two need.
+    #[test]
+    fn one_long_piece_does_not_dictate_the_side() {
+        let mut mesh = Mesh::default();
+        let columns = 600;
+        for i in 0..=columns {
+            let x = 2.0 * i as f32 / columns as f32 - 1.0;
+            mesh.positions.extend([Vec3::new(x, 0.0, 0.0), Vec3::new(x, 1e-3, 0.0)]);
+        }
+        mesh.triangles
+            .extend((0..columns).map(|i| 2 * i).flat_map(|i| [[i, i + 2, i + 3], [i, i + 3, i + 1]]));
+        let first = mesh.positions.len() as u32;
+        mesh.positions.push(Vec3::new(0.0, -0.5, 0.0));
+        let rim = |i: u32| Vec2::from_angle(i as f32 / 60.0 * std::f32::consts::TAU).extend(0.0);
+        mesh.positions.extend((0..60).map(|i| Vec3::new(0.0, -0.5, 0.0) + 0.1 * rim(i)));
+        mesh.triangles.extend((0..60).map(|i| [first, first + 1 + i, first + 1 + (i + 1) % 60]));
+        let request = AtlasRequest {
+            texels_per_unit: 1000.0,
+            texels: None,
+            side: None,
+            largest_side: 8192,
+            padding: None,
+        };
+        let layout = atlas(&mesh, &request, &Asked::default()).unwrap();
+        assert!(layout.pages[0].side <= 512, "{}", layout.pages[0].side);
+        assert!(layout.texels_per_unit >= NEARLY * 1000.0 && layout.charts > 4, "{}", layout.charts);
+        // A given side holds more of it.
+        let layout = atlas(&mesh, &AtlasRequest { side: Some(256), ..request }, &Asked::default()).unwrap();
+        assert!(layout.texels_per_unit > 256.0, "{}", layout.texels_per_unit);
+        // The two triangles of a square are as long as it is.
+        let charts = [vec![0, 1, 2, 3], vec![0]].map(|triangles| Chart::projected(&mesh, triangles, Vec3::Z));
+        let counts = charts.map(|chart| chart.cut_across(1e-9).len());
+        assert!(counts[0] > 1 && counts[1] == 1, "{counts:?}");
     }
 
     /// Half of a disc of many narrow triangles: the other half touches it at the centre, but two triangles continue it.

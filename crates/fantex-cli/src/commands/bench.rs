@@ -24,6 +24,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::commands::bake::FITS;
+use crate::commands::info::LongestEdgeArg;
 use crate::context::Context;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
@@ -72,6 +73,9 @@ struct FidelityArgs {
     /// Target extent of a tile in texels; 0 gives every fan its own tile
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     tile: Option<u32>,
+    /// Cut triangles at bends until their edges are at most so many texels long, as 'fantex bake' does; 0 leaves them whole
+    #[arg(long, value_name = "N|auto", default_value = "auto")]
+    longest_edge: LongestEdgeArg,
     /// How texels are found from the function
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
     fit: Fit,
@@ -167,11 +171,13 @@ struct FidelityInfo {
 }
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
-    let mesh = &crate::scene::open_model(&args.model)?;
+    let model = crate::scene::open_model(&args.model)?;
     let tile = args.tile.unwrap_or(CoverOptions::default().tile);
     let progress = context.step("covering", "M texels");
-    let Covered { cover, stats, .. } =
-        uncut(mesh, args.texels).tile(tile).progress(&progress).cover_shape()?;
+    let LongestEdgeArg(longest_edge) = args.longest_edge;
+    let baker = Baker::new(&model).texels(args.texels.0).longest_edge(longest_edge).tile(tile);
+    let Covered { mesh, cover, stats, .. } = baker.progress(&progress).cover_shape()?;
+    let mesh = &*mesh;
     let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();
     let k = std::f64::consts::TAU / (args.wavelength * ideal_texel);
     let source = SineSource { k: k as f32 };
@@ -354,7 +360,8 @@ impl Bench {
     fn open(args: &ModelArgs, context: &Context) -> Result<Self> {
         let mesh = open(args, context)?;
         let progress = context.step("covering", "M texels");
-        let cover = uncut(&mesh, args.texels).progress(&progress).cover_shape()?.cover;
+        let baker = Baker::new(&mesh).texels(args.texels.0).longest_edge(LongestEdge::Texels(0));
+        let cover = baker.progress(&progress).cover_shape()?.cover;
         let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
         let folder = scratch_folder()?;
         Ok(Self { mesh, cover, source, folder })
@@ -394,11 +401,6 @@ fn open_model(args: &ModelArgs, context: &Context) -> Result<Model> {
     let options =
         LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
     Ok(landscape(&options)?.into())
-}
-
-/// A baker that leaves triangles whole.
-fn uncut(mesh: &Mesh, Count(texels): Count) -> Baker<'_> {
-    Baker::new(mesh).texels(texels).longest_edge(LongestEdge::Texels(0))
 }
 
 /// Seconds of the fastest repetition.

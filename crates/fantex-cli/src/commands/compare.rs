@@ -8,6 +8,7 @@ use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
 use fantex::render::{Background, Camera, RenderOptions, Surface};
+use fantex::store::{Asset, ChannelKind};
 use fantex::texture::Filter;
 use fantex::texture::compare::difference_picture;
 use fantex::{Error, ModelPicture, Result, ViewComparison};
@@ -201,6 +202,8 @@ impl<'a> Prepared<'a> {
 
 pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     let files = [Opened::open(&args.a, context)?, Opened::open(&args.b, context)?];
+    note_of_grey(&files[0], &files[1], context);
+    note_of_grey(&files[1], &files[0], context);
     let images = LookImages::default();
     let a = Prepared::new(&files[0], (&files[1], &args.b), &images, args, context)?;
     let b = Prepared::new(&files[1], (&files[0], &args.a), &images, args, context)?;
@@ -261,6 +264,20 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
             .collect(),
     };
     context.print(&info, text)
+}
+
+/// Says that a model has nothing to show beside an asset that has colours, if so.
+fn note_of_grey(model: &Opened, asset: &Opened, context: &Context) {
+    let (Opened::Scene(model), Opened::Scene(asset)) = (model, asset) else { return };
+    let is_coloured = |asset: &Asset| asset.channels().iter().any(|c| c.kind == ChannelKind::BaseColor);
+    if model.is_grey() && asset.asset().is_some_and(|asset| is_coloured(asset)) {
+        context.note(format!(
+            "{} has no textures or colours of its own: it is drawn grey, and compared is the grey with what {} holds; give the look (.toml) \
+             that was baked instead of the model to see what baking lost",
+            model.path().display(),
+            asset.path().display()
+        ));
+    }
 }
 
 /// Measures, and pictures written.

@@ -6,7 +6,7 @@ use std::path::Path;
 use fantex::texture::{Depth, Image, Samples};
 use serde_json::Value;
 
-use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, run, succeeds, workspace, write};
+use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, run, stderr, succeeds, workspace, write};
 
 const SCENE: &str = r##"
 [picture]
@@ -318,6 +318,14 @@ fn looks_are_compared_with_what_was_baked_from_them() {
     let lit = compared(&look, &asset);
     assert!(lit["psnr_db"]["min"].as_f64().unwrap() < 30.0, "{lit:#}");
     fails(1, &["names no model"], &[&"compare", &own, &own]);
+    // The model itself has no colours.
+    let said = |a: &Path, b: &Path| {
+        stderr(&succeeds(&[&[&"compare" as &dyn AsRef<std::ffi::OsStr>, &a, &b][..], &flags].concat()))
+    };
+    let told = "cube.obj has no textures or colours of its own";
+    for [a, b, grey] in [[&model, &asset, &asset], [&asset, &model, &asset], [&own, &asset, &own]] {
+        assert_eq!(said(a, b).matches(told).count(), usize::from(grey == &asset));
+    }
 }
 
 #[test]

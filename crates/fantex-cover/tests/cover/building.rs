@@ -35,6 +35,26 @@ fn a_total_is_kept_and_used_up() {
     }
 }
 
+/// Margins count, which densities leave out.
+#[test]
+fn densities_shrink_alike_until_no_more_than_the_most_texels_are_stored() {
+    let mesh = landscape(8_000);
+    let densities: Vec<f32> = (0..mesh.triangles.len()).map(|t| 400.0 + (t % 7) as f32).collect();
+    let options = options(1024, TexelBudget::PerTriangle(densities));
+    let free = build_cover(&mesh, &options).unwrap().0;
+    let texels = free.stored_texels(&mesh);
+    for most in [texels + 1, texels, texels * 9 / 10, texels / 3] {
+        let cover =
+            build_cover(&mesh, &CoverOptions { most_texels: Some(most), ..options.clone() }).unwrap().0;
+        let stored = cover.stored_texels(&mesh);
+        if most < texels {
+            assert!(stored <= most && stored as f64 > 0.98 * most as f64, "{stored} of {most}");
+        } else {
+            assert_eq!(cover, free);
+        }
+    }
+}
+
 /// Small groups are laid flat across creases on large meshes, too: a town loses hardly more than a street of the same houses.
 #[test]
 fn many_boxes_are_covered_as_well_as_few() {

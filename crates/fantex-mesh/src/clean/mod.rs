@@ -115,6 +115,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
         repeats::coinciding(&positions, |v| used[v])
     };
     report.vertices_welded = welded.len() as u64;
+    report.vertices_at_seams = surface.count_at_seams(&welded, &model.corners, positions.len());
     surface.weld(&welded, positions.len());
 
     // Step 4: drop triangles without area, then repeated ones.
@@ -239,6 +240,21 @@ impl Surface {
         let sources = self.sources.take().unwrap_or_else(|| (0..self.triangles.len() as u32).collect());
         self.sources = Some(kept(sources, &keep));
         self.triangles = kept(std::mem::take(&mut self.triangles), &keep);
+    }
+
+    /// How many welded vertices have other texture coordinates than the one they are welded to.
+    fn count_at_seams(&self, welded: &[Repeat], corners: &CornerAttributes, vertex_count: usize) -> u64 {
+        let (Some(uv), false) = (corners.uv_sets.first(), welded.is_empty()) else { return 0 };
+        let mut uv_of_vertex = vec![None; vertex_count];
+        for (t, triangle) in self.triangles.iter().enumerate() {
+            let source = self.sources.as_ref().map_or(t, |sources| sources[t] as usize);
+            triangle.iter().zip(&uv[3 * source..]).for_each(|(&v, &uv)| uv_of_vertex[v as usize] = Some(uv));
+        }
+        let is_at_seam = |repeat: &&Repeat| {
+            let [own, first] = [repeat.element, repeat.first].map(|v| uv_of_vertex[v as usize]);
+            own != first
+        };
+        welded.iter().filter(is_at_seam).count() as u64
     }
 
     /// Replaces every welded vertex by the one it was welded to.
@@ -385,6 +401,8 @@ pub struct CleanReport {
     pub vertices_in: u64,
     /// Vertices merged into an earlier one at the same place.
     pub vertices_welded: u64,
+    /// Of these, such that have other texture coordinates: seams of the coordinates, which most files can hold in no other way.
+    pub vertices_at_seams: u64,
     /// Vertices dropped because no remaining triangle uses them.
     pub vertices_isolated: u64,
     /// Triangles dropped because a position is NaN, infinite or beyond 1e100.
@@ -412,9 +430,10 @@ pub struct CleanReport {
 }
 
 impl CleanReport {
-    /// One sentence for each finding that is not zero.
+    /// One sentence for each finding that is not zero. Where all that was welded are seams of texture coordinates there is nothing to say of it.
     pub fn lines(&self) -> Vec<String> {
         let shape = &self.topology;
+        let is_split = self.vertices_welded > self.vertices_at_seams;
         let findings = [
             (self.triangles_non_finite, "triangle", "dropped: a position is not a usable number"),
             (self.triangles_degenerate, "triangle", "dropped: no area"),
@@ -424,7 +443,11 @@ impl CleanReport {
                 "corner value",
                 "replaced: a texture coordinate, colour or normal is not a usable number",
             ),
-            (self.vertices_welded, "vertex", "welded to an earlier vertex at the same place"),
+            (
+                if is_split { self.vertices_welded } else { 0 },
+                "vertex",
+                "welded to an earlier vertex at the same place",
+            ),
             (self.vertices_isolated, "vertex", "dropped: no triangle uses it"),
             (
                 self.double_sided_pairs,

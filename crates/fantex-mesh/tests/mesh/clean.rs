@@ -791,6 +791,25 @@ fn findings_are_counted_in_words() {
     );
 }
 
+/// Two triangles beside each other, each with vertices of its own: a seam only where their texture coordinates differ.
+#[test]
+fn seams_of_texture_coordinates_are_nothing_to_speak_of() {
+    let positions =
+        [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+    let at = |shift: [f32; 2]| {
+        let mut model = soup(positions, [[0, 1, 2], [3, 4, 5]]);
+        let uv = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0 + shift[0]], [1.0, shift[1]], [1.0, 1.0]];
+        model.corners.uv_sets = vec![uv.map(Vec2::from).to_vec()];
+        let report = cleaned(model).1;
+        assert_eq!(report.vertices_welded, 2);
+        let is_told = report.lines().iter().any(|line| line.contains("2 vertices welded"));
+        (report.vertices_at_seams, is_told)
+    };
+    assert_eq!(at([0.5, 0.5]), (2, false));
+    assert_eq!(at([0.0, 0.5]), (1, true));
+    assert_eq!(at([0.0, 0.0]), (0, true));
+}
+
 #[test]
 fn single_precision_positions_survive_unrounded() {
     let on_line = (0..1000).map(|i| (Vec3::new(0.1, 0.7, -0.3) * (1.0 + i as f32)).as_dvec3().to_array());

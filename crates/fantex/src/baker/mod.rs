@@ -45,7 +45,7 @@ pub use source::Source;
 use self::channels::FilledChannels;
 use self::materials::without_textures;
 use self::observer::Observer;
-use self::own_materials::MANY_TEXELS;
+use self::own_materials::{MANY_TEXELS, OwnDensity};
 use self::source::Kind;
 use crate::look_scene::{LookBake, MaterialResolver};
 use crate::{Asset, FileKind, Mesh};
@@ -233,7 +233,7 @@ impl<'a> Baker<'a> {
         let budget = self.nominal_budget(self.mesh, None);
         let texels_asked = texels_of(&budget);
         let mesh = self.refined(self.mesh, self.longest_edge.unwrap_or_default(), None)?;
-        let (cover, stats) = self.covered(&mesh, budget, false)?;
+        let (cover, stats) = self.covered(&mesh, (budget, None), false)?;
         self.progress.end_covering();
         Ok(Covered { mesh, cover, stats, texels_asked, left_out: LeftOut::default() })
     }
@@ -361,12 +361,12 @@ impl<'a> Baker<'a> {
         Ok(())
     }
 
-    /// Covers the mesh and bakes. `own_density`: texels per mesh unit of the source's own texels, per triangle, where it has any.
+    /// Covers the mesh and bakes. `own_density`: of the source's own texels, where it has any.
     fn bake(
         &self,
         mesh: &fantex_mesh::Mesh,
         source: &dyn BakeSource,
-        own_density: Option<Vec<f32>>,
+        own_density: Option<OwnDensity>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         check_size(mesh)?;
@@ -378,7 +378,7 @@ impl<'a> Baker<'a> {
             ));
         }
         let is_own_density = matches!((self.budget, &own_density), (Budget::Default, Some(_)));
-        let budget = self.nominal_budget(mesh, own_density.as_deref());
+        let budget = self.nominal_budget(mesh, own_density.as_ref());
         self.check_cancelled()?;
         #[cfg(feature = "export")]
         if let Goal::Model(path, options) = *goal {
@@ -396,7 +396,8 @@ impl<'a> Baker<'a> {
         let is_told = is_own_density && budget_texels(mesh, &budget) > MANY_TEXELS as f64;
         let started = Instant::now();
         let texels_asked = texels_of(&budget);
-        let (cover, stats) = self.cover_of(mesh, budget, source, goal)?;
+        let most = own_density.and_then(|density| density.most);
+        let (cover, stats) = self.cover_of(mesh, (budget, most), source, goal)?;
         self.progress.end_covering();
         let cover_time = started.elapsed();
         let untold = if is_own_density && !is_told { stats.texels } else { 0 };
@@ -422,7 +423,7 @@ impl<'a> Baker<'a> {
     fn cover_of<'g>(
         &self,
         mesh: &fantex_mesh::Mesh,
-        budget: TexelBudget,
+        budget: (TexelBudget, Option<u64>),
         source: &dyn BakeSource,
         goal: &Goal<'g>,
     ) -> Result<(Cow<'g, Cover>, CoverStats)> {
@@ -434,14 +435,15 @@ impl<'a> Baker<'a> {
         Ok((Cow::Owned(cover), stats))
     }
 
-    /// Covers a mesh whose triangles are cut already.
+    /// Covers a mesh whose triangles are cut already, with a budget and texels at most.
     fn covered(
         &self,
         mesh: &fantex_mesh::Mesh,
-        budget: TexelBudget,
+        (budget, most_texels): (TexelBudget, Option<u64>),
         cut_creases: bool,
     ) -> Result<(Cover, CoverStats)> {
-        let options = CoverOptions { budget, tile: self.tile, cut_creases, ..CoverOptions::default() };
+        let options =
+            CoverOptions { budget, most_texels, tile: self.tile, cut_creases, ..CoverOptions::default() };
         self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))
     }
 
@@ -495,16 +497,18 @@ impl<'a> Baker<'a> {
         &self,
         mesh: &'m fantex_mesh::Mesh,
         cuts: LongestEdge,
-        own_density: Option<&[f32]>,
+        own_density: Option<&OwnDensity>,
     ) -> Result<Cow<'m, fantex_mesh::Mesh>> {
         let budget = self.nominal_budget(mesh, own_density);
         self.progress.covering(|goes_on| cuts.refined_while(mesh, &budget, self.tile, goes_on))
     }
 
     /// How many texels a mesh gets, about. `own_density` as in [`bake`](Self::bake).
-    fn nominal_budget(&self, mesh: &fantex_mesh::Mesh, own_density: Option<&[f32]>) -> TexelBudget {
+    fn nominal_budget(&self, mesh: &fantex_mesh::Mesh, own_density: Option<&OwnDensity>) -> TexelBudget {
         match (self.budget, own_density) {
-            (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density.to_vec()),
+            (Budget::Default | Budget::Matching, Some(density)) => {
+                TexelBudget::PerTriangle(density.of_triangles.clone())
+            }
             (Budget::Default | Budget::Matching, None) => TexelBudget::Total(self.default_texels),
             (Budget::Texels(texels), _) => TexelBudget::Total(texels),
             (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),

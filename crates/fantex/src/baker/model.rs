@@ -13,6 +13,7 @@ use fantex_mesh::AlphaMode;
 use fantex_store::Asset;
 use fantex_texture::material::LeftOut;
 
+use super::own_materials::OwnDensity;
 use super::{Baked, Baker, Goal};
 use crate::budget_texels;
 
@@ -60,7 +61,7 @@ impl Baker<'_> {
         &self,
         mesh: &fantex_mesh::Mesh,
         source: &dyn fantex_bake::Source,
-        own_density: Option<Vec<f32>>,
+        own_density: Option<OwnDensity>,
         path: &Path,
         options: &ExportOptions<'_>,
     ) -> Result<Baked> {

@@ -69,7 +69,8 @@ impl Baker<'_> {
                 notes.extend(self.note_of_many(own.given() as u64));
             }
         }
-        let mut baked = self.textured(model, source, share, textures, goal)?;
+        let most = own.as_ref().filter(|_| is_default).map(|own| own.most as u64);
+        let mut baked = self.textured(model, source, (share, most), textures, goal)?;
         baked.notes.splice(0..0, notes);
         Ok(Baked { left_out, ..baked })
     }
@@ -91,7 +92,7 @@ impl Baker<'_> {
     /// Says that texels which are to appear as squares are blended, unless there are enough to hide it. `share`: of their density that
     /// they get where nothing else is asked for.
     fn note_of_squares(&self, source: &LookSource<'_>, own: &OwnTexels, share: f32) -> Option<String> {
-        let density = scaled(&own.density, share);
+        let density = OwnDensity { of_triangles: scaled(&own.density, share), most: None };
         let asked = budget_texels(self.mesh, &self.nominal_budget(self.mesh, Some(&density)));
         let own = own.texels;
         // Whoever gives a rounded number has heard the note.
@@ -119,19 +120,21 @@ impl Baker<'_> {
         note
     }
 
-    /// Cuts a model and bakes its materials. `share`: of the density of the textures, which are those of the source.
+    /// Cuts a model and bakes its materials. `share`: of the density of the textures, which are those of the source; `most`: texels that it gets
+    /// at most.
     fn textured(
         &self,
         model: &fantex_mesh::Mesh,
         source: LookSource<'_>,
-        share: f32,
+        (share, most): (f32, Option<u64>),
         textures: Vec<MaterialTextures>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
         let cuts = self.cuts(goal);
         let tangents = source.normal_map_tangents();
-        let density =
-            |source: &LookSource<'_>| source.has_textures().then(|| scaled(&source.density(), share));
+        let density = |source: &LookSource<'_>| {
+            source.has_textures().then(|| OwnDensity { of_triangles: scaled(&source.density(), share), most })
+        };
         if cuts.leaves_whole(model, self.tile) {
             return self.bake(model, &source, density(&source), goal);
         }
@@ -140,7 +143,7 @@ impl Baker<'_> {
         if model.corners.tangents.is_empty() && !tangents.is_empty() {
             framed.to_mut().corners.tangents = tangents.to_vec();
         }
-        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_deref())? else {
+        let Cow::Owned(framed) = self.refined(&framed, cuts, density(&source).as_ref())? else {
             return self.bake(model, &source, density(&source), goal);
         };
         let mut cut = framed.clone();
@@ -150,6 +153,14 @@ impl Baker<'_> {
         let source = LookSource::of_decoded(&framed, textures);
         self.bake(&cut, &source, density(&source), goal)
     }
+}
+
+/// How dense a source's own texels are.
+pub(super) struct OwnDensity {
+    /// Of each triangle, texels per mesh unit.
+    pub(super) of_triangles: Vec<f32>,
+    /// Texels that are stored at most, margins included.
+    pub(super) most: Option<u64>,
 }
 
 /// Texels of a model's own textures on it.

@@ -9,6 +9,7 @@ use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras};
 use glam::Vec3;
 
 use super::materials::of_photographs;
+use super::own_materials::OwnDensity;
 use super::{Baked, Baker, Budget, Goal};
 
 /// Photographs of a model, with their cameras.
@@ -87,7 +88,8 @@ impl Baker<'_> {
             let share = 100.0 * report.unseen_share;
             notes.push(format!("no photograph sees {share:.1} % of the surface"));
         }
-        let density = (self.budget == Budget::Matching).then(|| source.density());
+        let density = || OwnDensity { of_triangles: source.density(), most: None };
+        let density = (self.budget == Budget::Matching).then(density);
         let progress = UntilFailure { progress: self.progress.progress, source: &source };
         // The other half holds photographs.
         let options = BakeOptions { memory_bytes: self.options.memory_bytes / 2, ..self.options.clone() };

@@ -9,7 +9,7 @@ use fantex_store::ChannelKind;
 use super::counted;
 
 /// Where fewer of the texels of an own packing lie on the surface, its pieces are narrow.
-const NARROW_SHARE: f64 = 0.05;
+const NARROW_SHARE: f64 = 0.1;
 
 /// How a model came about, which tells what to do about what it lacks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,7 +70,7 @@ fn narrow_note(summary: &ExportSummary, kind: ModelKind) -> Option<String> {
         _ => "a smaller --size",
     };
     Some(format!(
-        "{} % of the texels lie on the surface: its pieces ({}) are long and narrow, and what keeps them apart takes the rest; give {option} \
+        "{} % of the texels lie on the surface: its pieces ({}) are long and narrow, and what lies between them takes the rest; give {option} \
          if that is too much",
         percent(summary.used_share),
         grouped(summary.charts as u64, ' ')
