@@ -68,9 +68,19 @@ fn boundary(triangles: &[[u32; 3]], corners: &VertexCorners) -> Vec<u32> {
         let around = corners.at(vertex);
         let is_inside = Disc::of(triangles, around).is_some();
         let own: &[u32] = if is_inside { &[] } else { around };
+        // Other vertices, once for each triangle that has them: a hub may have any number of triangles.
+        let mut others: Vec<u32> = own
+            .iter()
+            .flat_map(|&corner| {
+                let ([_, end], opposite) = half_edge_of(triangles, corner);
+                [end, opposite]
+            })
+            .collect();
+        others.sort_unstable();
         own.iter().copied().filter(move |&corner| {
             let end = half_edge_of(triangles, corner).0[1];
-            around.iter().filter(|&&other| triangles[other as usize / 3].contains(&end)).count() == 1
+            let first = others.partition_point(|&other| other < end);
+            others.get(first + 1) != Some(&end)
         })
     };
     (0..corners.len()).into_par_iter().with_min_len(1 << 12).flat_map_iter(of_vertex).collect()
