@@ -18,7 +18,7 @@ use crate::viewer::{PathState, PictureSize, Request, Viewer};
 const DRAG_FRAMES: u32 = 6;
 
 /// Seconds after which it is looked again whether what takes its time is done.
-const LOOK_SECONDS: f32 = 0.03;
+const LOOK_SECONDS: f32 = 0.1;
 
 /// A session at work.
 pub(super) struct Driver {

@@ -8,6 +8,7 @@ mod baked_models;
 mod documented;
 mod export_and_paint;
 mod flags;
+mod gallery;
 mod hostile;
 mod looks;
 #[cfg(target_os = "linux")]

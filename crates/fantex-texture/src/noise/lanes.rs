@@ -306,7 +306,7 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
 #[derive(Default)]
 pub(super) struct Gradients {
     /// Of seeds and cells that were met last.
-    known: [(Option<(u32, [u32; 3])>, CornerSlopes); 2],
+    known: [KnownSlopes; 2],
     /// Which is forgotten next.
     oldest: usize,
 }
@@ -325,6 +325,9 @@ impl Gradients {
         &self.known[index].1
     }
 }
+
+/// A seed and a cell, and the gradients at its corners.
+type KnownSlopes = (Option<(u32, [u32; 3])>, CornerSlopes);
 
 /// Gradients at the corners of a cell by axis, x fastest; as many as whole vectors hold.
 type CornerSlopes = [[f32; CORNER_LANES]; 3];

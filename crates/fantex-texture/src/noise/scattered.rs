@@ -103,9 +103,9 @@ impl NearPoints {
                 hash = absorb_all::<S>(hash, step + cell[axis]);
             }
             let hash = finish_all::<S>(hash);
-            for axis in 0..3 {
-                let at = coordinate(simd, hash, axis) + load(simd, &NEAR_STEPS[axis], first);
-                at.store_slice(&mut near.at[axis][first..first + lanes]);
+            for (axis, (steps, near)) in NEAR_STEPS.iter().zip(&mut near.at).enumerate() {
+                let at = coordinate(simd, hash, axis) + load(simd, steps, first);
+                at.store_slice(&mut near[first..first + lanes]);
             }
             units::<S>(hash).store_slice(&mut near.ids[first..first + lanes]);
         }
@@ -284,8 +284,8 @@ fn visit_ring<S: Simd>(
                 let id;
                 if let Some(near) = near {
                     let number = (13 + step_x + 3 * step_y + 9 * step_z) as usize;
-                    for axis in 0..3 {
-                        at[axis] = S::f32s::splat(simd, near.at[axis][number]);
+                    for (at, near) in at.iter_mut().zip(&near.at) {
+                        *at = S::f32s::splat(simd, near[number]);
                     }
                     id = S::f32s::splat(simd, near.ids[number]);
                 } else {
@@ -296,8 +296,8 @@ fn visit_ring<S: Simd>(
                     id = units::<S>(hash);
                 }
                 let mut distance = zero;
-                for axis in 0..3 {
-                    distance = joined::<S>(metric, distance, at[axis] - place.offsets[axis]);
+                for (at, offset) in at.into_iter().zip(place.offsets) {
+                    distance = joined::<S>(metric, distance, at - offset);
                 }
                 found.add(is_open.select(distance, far), id);
             }
