@@ -460,7 +460,7 @@ impl Wait {
         }
     }
 
-    /// At least so many frames.
+    /// At least so many frames, and until something is over, for so many seconds at most.
     fn until(
         is_over: fn(&Situation) -> bool,
         frames: u32,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fantex::mesh::generate::torus;
-use fantex::mesh::{WriteGeometry, write_model};
+use fantex::mesh::{Model, WriteGeometry, write_model};
 use fantex::paint::{PaintOptions, Painter, StrokeLog, replay};
 use fantex::store::{Asset, ChannelKind};
 use fantex::texture::{ColorSpace, Image, Samples};
@@ -84,8 +84,12 @@ fn a_model_that_repeats_its_textures_is_offered_what_a_bake_would_give() {
     }
 }
 
-fn save_torus(path: &Path, rings: u32, force: bool) {
-    let model = torus(rings, rings / 2);
+pub(crate) fn save_torus(path: &Path, rings: u32, force: bool) {
+    save_shape(path, &torus(rings, rings / 2), force);
+}
+
+/// The shape of a model, without colours.
+pub(crate) fn save_shape(path: &Path, model: &Model, force: bool) {
     let geometry = WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
     write_model(path, &geometry, force).unwrap();
 }

@@ -308,14 +308,8 @@ fn what_is_not_told_yet_is_not_lost_either() {
 fn an_asset_whose_strokes_cannot_be_repeated_is_opened_again() {
     let folder = tempfile::tempdir().unwrap();
     small_asset(folder.path());
-    let torus = fantex::mesh::generate::torus(24, 12);
-    let geometry = fantex::mesh::WriteGeometry {
-        positions: &torus.positions,
-        triangles: &torus.triangles,
-        colors: None,
-    };
     let model = folder.path().join("torus.ply");
-    fantex::mesh::write_model(&model, &geometry, false).unwrap();
+    crate::document::save_torus(&model, 24, false);
     let mut viewer = empty();
     (viewer.asks, viewer.paints) = (true, true);
     viewer.open_file(model);

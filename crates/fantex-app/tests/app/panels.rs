@@ -590,13 +590,8 @@ fn what_differs_of_two_meshes_is_said() {
     crate::painting::small_asset(folder.path());
     let mut torus = fantex::mesh::generate::torus(48, 24);
     torus.positions.iter_mut().for_each(|position| *position *= 2.0);
-    let geometry = fantex::mesh::WriteGeometry {
-        positions: &torus.positions,
-        triangles: &torus.triangles,
-        colors: None,
-    };
     let model = folder.path().join("torus.ply");
-    fantex::mesh::write_model(&model, &geometry, false).unwrap();
+    crate::document::save_shape(&model, &torus, false);
     let mut viewer = empty();
     (viewer.paints, viewer.asks) = (true, true);
     viewer.open_file(model);

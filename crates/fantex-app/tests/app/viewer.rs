@@ -22,13 +22,7 @@ fn viewer() -> Viewer {
 
 fn save_torus(folder: &Path) -> PathBuf {
     let path = folder.join("torus.ply");
-    let model = fantex::mesh::generate::torus(48, 24);
-    let geometry = fantex::mesh::WriteGeometry {
-        positions: &model.positions,
-        triangles: &model.triangles,
-        colors: None,
-    };
-    fantex::mesh::write_model(&path, &geometry, false).unwrap();
+    crate::document::save_torus(&path, 48, false);
     path
 }
 
