@@ -29,11 +29,11 @@ mod _native {
     #[pymodule_export]
     use crate::looks::{look_figures, normal_map, render_look, table};
     #[pymodule_export]
-    use crate::mesh::{Mesh, parametrize};
+    use crate::mesh::{Mesh, cut_polygons, parametrize};
     #[pymodule_export]
     use crate::options::set_read_limits;
     #[pymodule_export]
-    use crate::picture::{compare, compare_pictures, encode_png};
+    use crate::picture::{compare, compare_pictures, decode_image, encode_png};
     #[pymodule_export]
     use crate::places::{check_target, is_there, remove_object, upload};
     #[pymodule_export]

@@ -8,15 +8,16 @@ use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::look::look_of_model;
 use fantex::mesh::{
-    CleanOptions, CornerAttributes, ImageSource, Material, Mesh as Geometry, Model, TextureRef, Topology,
-    VertexCorners, WrapMode, WriteGeometry, write_model,
+    CleanOptions, CornerAttributes, ImageSource, LoadOptions, Material, Mesh as Geometry, Model, TextureRef,
+    Topology, VertexCorners, WrapMode, WriteGeometry, cut_polygons as cut, load_bytes, write_model,
 };
 use fantex::render::LookSurface;
 use fantex::texture::ColorSpace;
 use fantex::texture::material::read_image;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray2, ToPyArray};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
 
 use crate::arrays::{array, rows, triangles};
@@ -43,6 +44,24 @@ impl Mesh {
     fn load(py: Python<'_>, path: PathBuf, weld: Option<f64>) -> PyResult<Self> {
         watched(py, None, |_| fantex::Mesh::open_with(&path, &CleanOptions::welding(weld)))
             .map(|mesh| Self(Arc::new(mesh)))
+    }
+
+    /// Reads a model from the bytes of a `.glb`; `path` names it in messages, `notes` are known of it already.
+    #[staticmethod]
+    #[pyo3(signature = (bytes, path, notes, weld=None))]
+    fn of_glb(
+        py: Python<'_>,
+        bytes: PyBackedBytes,
+        path: PathBuf,
+        notes: Vec<String>,
+        weld: Option<f64>,
+    ) -> PyResult<Self> {
+        let mesh = watched(py, None, |_| {
+            let mut model = load_bytes(&path, &bytes, &LoadOptions::default())?;
+            model.notes.splice(0..0, notes);
+            fantex::Mesh::from_model_with(model, &path, &CleanOptions::welding(weld))
+        })?;
+        Ok(Self(Arc::new(mesh)))
     }
 
     /// Takes triangles: positions in world units, colours linear RGBA, texture coordinates with v upwards, an encoded image, and whether
@@ -260,4 +279,29 @@ pub(crate) fn parametrize<'py>(
 /// Texture coordinates with v upwards, as OBJ files, Blender and trimesh have them.
 pub(crate) fn upwards(uv: &Vec2) -> [f32; 2] {
     [uv.x, 1.0 - uv.y]
+}
+
+/// Cuts polygons into triangles, which index `points`: `counts` says how many of these each polygon has, and they index `positions`.
+#[pyfunction]
+pub(crate) fn cut_polygons<'py>(
+    py: Python<'py>,
+    positions: PyReadonlyArray2<'py, f64>,
+    counts: PyReadonlyArray1<'py, i64>,
+    points: PyReadonlyArray1<'py, i64>,
+) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let positions: Vec<DVec3> =
+        rows::<3, f64>(&positions, "positions")?.into_iter().map(DVec3::from).collect();
+    let indices = |array: &PyReadonlyArray1<'_, i64>| -> Option<Vec<usize>> {
+        array.as_array().iter().map(|&n| usize::try_from(n).ok()).collect()
+    };
+    let found = indices(&counts).zip(indices(&points)).filter(|(counts, points)| {
+        counts.iter().try_fold(0usize, |sum, &n| sum.checked_add(n)) == Some(points.len())
+            && points.iter().all(|&point| point < positions.len())
+    });
+    let Some((counts, points)) = found else {
+        return Err(PyValueError::new_err("the polygons do not fit their positions"));
+    };
+    let triangles = py.detach(|| cut(&positions, &counts, &points));
+    let triangles: Vec<[i64; 3]> = triangles.into_iter().map(|t| t.map(|k| k as i64)).collect();
+    array(py, &triangles)
 }

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use fantex::glam::Vec3;
-use fantex::mesh::Mesh as Geometry;
+use fantex::mesh::{ImageSource, Mesh as Geometry};
 use fantex::render::{FanSurface, LookSurface, RenderOptions, Surface, render};
 use fantex::scene::{Background, Camera, FilterOptions, Lights, Picture};
 use fantex::texture::compare::{Comparison, compare as compare_images, compare_where};
+use fantex::texture::material::read_image;
 use fantex::texture::{ColorSpace, Filter, Image, Samples};
 use fantex::{Error, ModelPicture, Progress, Surroundings, ViewComparison, World, frame_world};
 use numpy::{
@@ -14,6 +15,7 @@ use numpy::{
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::asset::Asset;
@@ -177,6 +179,28 @@ pub(crate) fn encode_png<'py>(
     };
     let bytes = py.detach(|| image.encoded("picture.png")).map_err(exception)?;
     Ok(PyBytes::new(py, &bytes))
+}
+
+/// The texels of an encoded image, rows, columns and RGBA: colours as linear light where its integers are sRGB, else as they are. `label` names
+/// it in messages.
+#[pyfunction]
+pub(crate) fn decode_image<'py>(
+    py: Python<'py>,
+    bytes: PyBackedBytes,
+    label: &str,
+    is_srgb: bool,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let source = ImageSource::Embedded { label: label.to_owned(), bytes: bytes.as_ref().into() };
+    let space = if is_srgb { ColorSpace::Srgb } else { ColorSpace::Linear };
+    let image = watched(py, None, |_| read_image(&source, space))?;
+    let [height, width] = [image.height, image.width].map(|n| n as usize);
+    let texels = py.detach(|| -> Vec<[f32; 4]> {
+        (0..image.height)
+            .flat_map(|y| (0..image.width).map(move |x| (x, y)))
+            .map(|(x, y)| image.linear_texel(x, y))
+            .collect()
+    });
+    texels.as_flattened().to_pyarray(py).reshape([height, width, 4])
 }
 
 /// Columns, rows and channels of an array that is a picture.

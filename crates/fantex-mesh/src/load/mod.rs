@@ -28,6 +28,7 @@ use fantex_base::input::{self, Held};
 use fantex_base::srgb::linear_from_srgb;
 use fantex_base::{Error, ErrorKind, Result, counted};
 use glam::{Vec2, Vec3, Vec4};
+pub use polygon::cut_polygons;
 use rayon::prelude::*;
 
 use crate::Model;
@@ -344,12 +345,12 @@ fn foreign_kind(bytes: &[u8]) -> Option<&'static str> {
         (b"II*\0", "a TIFF image"),
         (b"MM\0*", "a TIFF image"),
         (b"RIFF", "a RIFF (WebP or sound) file"),
-        (b"PK\x03\x04", "a ZIP archive (perhaps 3MF or USDZ)"),
+        (b"PK\x03\x04", "a ZIP archive (perhaps 3MF, or USDZ, which `python -m fantex.usd` converts)"),
         (b"\x1f\x8b", "a gzip archive"),
         (b"Kaydara FBX", "an FBX file"),
         (b"BLENDER", "a Blender file"),
-        (b"PXR-USDC", "a USD file"),
-        (b"#usda", "a USD file"),
+        (b"PXR-USDC", "a USD file (which `python -m fantex.usd` converts)"),
+        (b"#usda", "a USD file (which `python -m fantex.usd` converts)"),
         (b"%PDF", "a PDF document"),
     ];
     let by_magic = KINDS.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind);

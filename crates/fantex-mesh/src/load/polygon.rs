@@ -20,6 +20,25 @@ pub(crate) struct Triangulator {
     comparisons: usize,
 }
 
+/// Cuts polygons into triangles: `counts` says how many of the `points`, which index `positions`, each has. The triangles index `points`; `n - 2`
+/// of an n-gon, one polygon after the other, in its orientation.
+///
+/// # Panics
+/// Where the counts are not those of the points, or a point is out of range.
+pub fn cut_polygons(positions: &[DVec3], counts: &[usize], points: &[usize]) -> Vec<[usize; 3]> {
+    assert_eq!(counts.iter().sum::<usize>(), points.len(), "each point belongs to a polygon");
+    let mut triangulator = Triangulator::default();
+    let (mut triangles, mut outline) = (Vec::new(), Vec::new());
+    let mut first = 0;
+    for count in counts {
+        outline.clear();
+        outline.extend(points[first..first + count].iter().map(|&point| positions[point]));
+        triangulator.triangulate(&outline, |corners| triangles.push(corners.map(|k| first + k)));
+        first += count;
+    }
+    triangles
+}
+
 /// Comparisons for one polygon, beyond which it is cut without looking: enough for outlines of 16 384 corners of which a handful
 /// are tried for each cut, and for any of up to 600.
 const MAX_COMPARISONS: usize = 1 << 28;

@@ -37,6 +37,16 @@ def is_address(place: str) -> bool:
     return "://" in place
 
 
+def is_usd(place: Any) -> bool:
+    """Whether a path names a stage of USD."""
+    return isinstance(place, PATHS) and os.fsdecode(place).lower().endswith((".usd", ".usda", ".usdc", ".usdz"))
+
+
+def is_stage(thing: Any) -> bool:
+    """Whether it is an open stage of USD."""
+    return hasattr(thing, "GetPseudoRoot") and hasattr(thing, "GetRootLayer")
+
+
 def absolute(place: Path) -> str:
     """An absolute path, or an address as it is."""
     place = os.fsdecode(place)

@@ -9,7 +9,7 @@ from typing import Any, Callable, Optional, Protocol, Sequence, Tuple, Union
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, amount, length, whole
+from ._given import PATHS, Path, amount, is_stage, is_usd, length, whole
 from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
 
 
@@ -129,8 +129,10 @@ class Mesh:
 
     @classmethod
     def load(cls, path: Path, *, weld: Optional[float] = None) -> "Mesh":
-        """Reads a model (``.glb .gltf .obj .ply .stl``), or the mesh of an asset (``.fan``), without what is baked. ``weld`` joins vertices of
-        a model that lie up to this far apart, world units; by default only those at the same place."""
+        """Reads a model (``.glb .gltf .obj .ply .stl``, and USD as :mod:`fantex.usd` says), or the mesh of an asset (``.fan``), without what is
+        baked. ``weld`` joins vertices of a model that lie up to this far apart, world units; by default only those at the same place."""
+        if is_usd(path):
+            return cls._of_stage(path, os.fsdecode(path), weld)
         return cls._of(_native.Mesh.load(os.fsdecode(path), length(weld, "weld")))
 
     @classmethod
@@ -140,9 +142,17 @@ class Mesh:
         return mesh
 
     @classmethod
+    def _of_stage(cls, stage: Any, name: str, weld: Optional[float]) -> "Mesh":
+        # Few need it.
+        from . import usd
+
+        glb, notes = usd.glb_of(stage)
+        return cls._of(_native.Mesh.of_glb(glb, name, notes, length(weld, "weld")))
+
+    @classmethod
     def of(cls, mesh: Any, *, weld: Optional[float] = None) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
-        ``faces``, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture and
+        ``faces``, an open stage of USD, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture and
         factor, or the factor alone; of Open3D colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
         is_asset = isinstance(getattr(mesh, "_native", None), _native.Asset)
         if weld is not None and (is_asset or isinstance(mesh, Mesh)):
@@ -151,6 +161,8 @@ class Mesh:
             return mesh
         if isinstance(mesh, PATHS):
             return cls.load(mesh, weld=weld)
+        if is_stage(mesh):
+            return cls._of_stage(mesh, mesh.GetRootLayer().identifier, weld)
         if is_asset:
             return cls._of(_native.Mesh.of_asset(mesh._native))
         if isinstance(mesh, tuple):
