@@ -269,7 +269,7 @@ impl Session {
         let name = path.display();
         let text = read_limited(path, MAX_FILE_BYTES, "the session")?;
         let mut session: Self = serde_json::from_slice(&text).map_err(|source| {
-            json_problem(&source).context(format_args!("{name} is no session")).with_path(path)
+            json_problem(&text, &source).context(format_args!("{name} is no session")).with_path(path)
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for (i, step) in session.steps.iter_mut().enumerate() {

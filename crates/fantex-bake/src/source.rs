@@ -214,7 +214,7 @@ impl<'a> VertexColorSource<'a> {
     pub fn new(mesh: &'a Mesh) -> Result<Self> {
         let colors = mesh.corners.colors.as_slice();
         if colors.len() != 3 * mesh.triangles.len() || colors.is_empty() {
-            return Err(Error::not_found("the model has no vertex colours; choose another source"));
+            return Err(Error::invalid("the model has no vertex colours; choose another source"));
         }
         Ok(Self { colors, has_alpha: colors.iter().any(|c| c.w < 1.0) })
     }

@@ -53,10 +53,12 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
 
 /// The error without the temporary name, which says nothing to anybody.
 fn without_name(error: io::Error) -> io::Error {
-    match error.to_string().split_once(" at path ") {
-        Some((cause, _)) => io::Error::new(error.kind(), cause),
-        None => error,
-    }
+    let text = error.to_string();
+    let Some((cause, _)) = text.split_once(" at path ") else { return error };
+    // The system's own error is not to be had otherwise.
+    let number =
+        cause.rsplit_once("(os error ").and_then(|(_, number)| number.strip_suffix(')')?.parse().ok());
+    number.map_or_else(|| io::Error::new(error.kind(), cause), io::Error::from_raw_os_error)
 }
 
 /// A folder in another one, for files that belong together, which goes away with the value and all that is in it.

@@ -1,20 +1,30 @@
 //! What is wrong with a JSON file, in words. What reads it is derived, and speaks of fields, structures and types of the program.
 
+use serde_json::Value;
 use serde_json::error::Category;
 
 use crate::{Error, Place};
 
-/// The problem with its place: `line 3, column 12: the key 'asset' is missing`.
-pub fn json_problem(error: &serde_json::Error) -> Error {
+/// The problem of a text with its place: `line 3, column 12: the key 'asset' is missing`.
+pub fn json_problem(text: &[u8], error: &serde_json::Error) -> Error {
     let (line, column) = (error.line(), error.column());
     let said = error.to_string();
     let said = said.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&said);
     let words = match error.classify() {
         Category::Eof => "the file ends too early".to_owned(),
+        // Of a choice nothing else is said where a number, a list or empty braces stand in its place.
+        Category::Syntax if said == "expected value" && is_json(text) => CHOICE.to_owned(),
         Category::Syntax => of_syntax(said).to_owned(),
         Category::Data | Category::Io => of_data(said).unwrap_or_else(|| said.to_owned()),
     };
     Error::malformed(format!("line {line}, column {column}: {words}")).with_place(Place::Line(line as u64))
+}
+
+const CHOICE: &str =
+    "something else belongs here: a word in quotation marks, or one key with its value in braces";
+
+fn is_json(text: &[u8]) -> bool {
+    serde_json::from_slice::<Value>(text).is_ok()
 }
 
 fn of_syntax(said: &str) -> &'static str {
@@ -141,8 +151,11 @@ mod tests {
             ("{\"version\": 1 \"parts\": []}", ": expected ',' or '}'"),
             ("{version: 1}", ": expected a key in quotation marks"),
             ("\u{1}", ": this is no JSON"),
+            ("{\"side\": 7}", ": something else belongs here: a word in quotation marks, or one key"),
+            ("{\"side\": [0]}", ": something else belongs here: a word in quotation marks, or one key"),
+            ("{\"side\": {}}", ": something else belongs here: a word in quotation marks, or one key"),
         ] {
-            let error = json_problem(&serde_json::from_str::<Whole>(text).unwrap_err());
+            let error = json_problem(text.as_bytes(), &serde_json::from_str::<Whole>(text).unwrap_err());
             let sentence = error.to_string();
             assert!(sentence.contains(expected), "{text:?}: {sentence}");
             let is_ours =

@@ -68,7 +68,7 @@ impl StrokeFile {
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = input::read(path)?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
-            let problem = json_problem(&source);
+            let problem = json_problem(&bytes, &source);
             problem.context(format_args!("{} is not a stroke file", path.display())).with_path(path)
         })?;
         let version = file.version;

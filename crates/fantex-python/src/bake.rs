@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::addresses::{Target, check_is_path};
-use fantex::bake::{Prefilter, Source as BakeSource, TexelPoint};
+use fantex::bake::{Prefilter, Source as BakeSource, SourceChannel, TexelPoint};
 use fantex::export::ExportSummary;
 use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::WorldFromMesh;
 use fantex::photos::CameraFrame;
-use fantex::store;
+use fantex::store::{self, ChannelKind};
 use fantex::stream::{Replace, open_source};
 use fantex::{
     BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, ModelKind, PhotoSet, Progress, Quality, Source,
@@ -32,8 +32,8 @@ use crate::watch::{Watch, heard, in_python, watched};
 pub(crate) enum SourceParts<'py> {
     /// What it is, and what it needs.
     Named(String, Bound<'py, PyDict>),
-    /// A function of points and normals.
-    Function(Bound<'py, PyAny>),
+    /// A function of points and normals, and whether it gives alpha.
+    Function(Bound<'py, PyAny>, bool),
 }
 
 /// A mesh, a source and settings, as Python gives them.
@@ -46,7 +46,7 @@ struct Job {
 enum JobSource {
     /// The model's own materials or colours.
     OfModel,
-    Function(Py<PyAny>),
+    Function(Py<PyAny>, bool),
     Detailed(Py<Mesh>),
     Asset(Py<Asset>),
     Named(NamedSource),
@@ -56,7 +56,9 @@ impl Job {
     fn new(mesh: &Mesh, source: Option<SourceParts<'_>>, options: &Bound<'_, PyDict>) -> PyResult<Self> {
         let source = match source {
             None => JobSource::OfModel,
-            Some(SourceParts::Function(function)) => JobSource::Function(function.unbind()),
+            Some(SourceParts::Function(function, has_alpha)) => {
+                JobSource::Function(function.unbind(), has_alpha)
+            }
             Some(SourceParts::Named(name, parts)) => {
                 match (optional(&parts, "mesh")?, optional(&parts, "asset")?) {
                     (Some(detailed), _) => JobSource::Detailed(detailed),
@@ -92,9 +94,9 @@ impl Job {
                 JobSource::Asset(detailed) => {
                     reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)), file)
                 }
-                JobSource::Function(callable) => {
+                JobSource::Function(callable, has_alpha) => {
                     let world_from_mesh = mesh.world_from_mesh;
-                    let function = FunctionSource { callable, world_from_mesh, watch };
+                    let function = FunctionSource { callable, has_alpha, world_from_mesh, watch };
                     reach(baker.source(Source::custom(&function)), file)
                 }
             }?;
@@ -407,6 +409,7 @@ enum LongestEdgeArg {
 /// A Python function of positions (world) and normals that gives linear RGBA, all as arrays with a row per point.
 struct FunctionSource<'a> {
     callable: Py<PyAny>,
+    has_alpha: bool,
     world_from_mesh: WorldFromMesh,
     watch: &'a Watch,
 }
@@ -430,6 +433,10 @@ impl FunctionSource<'_> {
 }
 
 impl BakeSource for FunctionSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { has_alpha: self.has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
+    }
+
     fn prefilter(&self) -> Prefilter {
         Prefilter::Point
     }

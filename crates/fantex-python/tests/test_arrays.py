@@ -1,5 +1,7 @@
 """Meshes and numbers as users have them."""
 
+import errno
+
 import numpy as np
 import pytest
 
@@ -158,6 +160,86 @@ def test_fewer_faces_keep_the_shape(sphere):
         fine.simplified(-1)
 
 
+def test_scenes_of_trimesh_are_what_their_files_are(tmp_path):
+    """Factors of colours, opacity, shine and emission, places, and parts without textures, as the written file has them."""
+    trimesh = pytest.importorskip("trimesh")
+    image = pytest.importorskip("PIL.Image")
+    from trimesh.visual.material import PBRMaterial
+
+    pixels = np.full((8, 8, 4), 200, np.uint8)
+    pixels[:, :4, 3] = 0
+    cut = PBRMaterial(
+        baseColorTexture=image.fromarray(pixels),
+        baseColorFactor=[255, 128, 64, 255],
+        alphaMode="MASK",
+        emissiveFactor=[1, 0, 0],
+        metallicFactor=1.0,
+        roughnessFactor=0.25,
+    )
+    first = square_of_trimesh(cut)
+    second = square_of_trimesh(PBRMaterial(baseColorTexture=image.fromarray(pixels[..., :3]), baseColorFactor=[64, 255, 255, 255]))
+    colored = trimesh.Trimesh(first.vertices, first.faces, process=False, vertex_colors=np.tile([255, 188, 0, 255], (4, 1)))
+    scene = trimesh.Scene()
+    places = [(100.0, 0, 0), (200.0, 0, 0), (300.0, 0, 0)]
+    for mesh, place in zip((first, second, colored), places):
+        scene.add_geometry(mesh, transform=trimesh.transformations.translation_matrix(place))
+    asset = fantex.bake(scene, tmp_path / "a.fan", texels=60_000, format="float")
+    points = np.array([[100.75, 0.5, 0], [200.75, 0.5, 0], [300.5, 0.5, 0]])
+    grey = ((200 / 255 + 0.055) / 1.055) ** 2.4
+    factors = np.array([[255, 128, 64], [64, 255, 255]]) / 255
+    np.testing.assert_allclose(asset.sample(points[:2])[:, :3], grey * factors, atol=0.01)
+    np.testing.assert_allclose(asset.sample(points[2:])[0, :3], [1, ((188 / 255 + 0.055) / 1.055) ** 2.4, 0], atol=0.01)
+    np.testing.assert_allclose(asset.sample(points, channel="orm")[:, 1:3], [[0.25, 1], [0.9, 0], [0.9, 0]], atol=0.02)
+    np.testing.assert_allclose(asset.sample(points, channel="emission")[:, :3], [[1, 0, 0], [0] * 3, [0] * 3], atol=0.02)
+    assert asset.sample([[100.25, 0.5, 0]])[0, 3] < 0.05
+    assert "cut-out" in {material.alpha for material in asset.materials}
+    # One mesh alone is no less.
+    alone = fantex.bake(first, tmp_path / "b.fan", texels=10_000)
+    assert alone.materials[0].alpha == "cut-out" and alone.sample([[0.25, 0.5, 0]])[0, 3] < 0.05
+    with pytest.raises(ValueError, match="the scene holds no mesh with faces"):
+        fantex.Mesh.of(trimesh.Scene())
+
+
+def test_functions_give_alpha_and_no_numbers(tmp_path):
+    square = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    for format, most in (("float", 0.01), ("bc7", 0.02)):
+        asset = fantex.bake(
+            square,
+            tmp_path / "a.fan",
+            texels=10_000,
+            format=format,
+            overwrite=True,
+            source=lambda points, _: np.column_stack([np.full((len(points), 3), 0.5), points[:, 0]]),
+        )
+        np.testing.assert_allclose(asset.sample([[0.25, 0.5, 0], [0.75, 0.5, 0]])[:, 3], [0.25, 0.75], atol=most)
+        assert not any("no number" in note for note in asset.baked["notes"])
+
+    def odd(points, _):
+        values = np.full((len(points), 3), np.inf)
+        values[points[:, 0] < 0.5] = np.nan
+        return values
+
+    asset = fantex.bake(square, tmp_path / "b.fan", texels=10_000, source=odd)
+    np.testing.assert_allclose(asset.sample([[0.25, 0.5, 0], [0.75, 0.5, 0]])[:, :3], [[0] * 3, [1] * 3], atol=0.01)
+    assert any(note.startswith("The source gave no number for ") for note in asset.baked["notes"])
+    made = fantex.bake_model(square, tmp_path / "b.glb", texels=10_000, source=odd)
+    assert any("no number" in note for note in made["notes"])
+    with pytest.raises(ValueError, match="the mesh has no faces"):
+        fantex.Mesh(square[0], np.zeros((0, 3), int))
+    with pytest.raises(ValueError, match="no vertex colours"):
+        fantex.bake(square, tmp_path / "c.fan", source=fantex.vertex_colors())
+    with pytest.raises(FileNotFoundError) as raised:
+        fantex.bake(square, tmp_path / "none" / "c.fan", texels=100, source=fantex.solid("wood"))
+    assert raised.value.errno == errno.ENOENT
+
+
+def test_slips_in_strokes(tmp_path, waves):
+    """A number where a choice belongs is JSON."""
+    for brush in ({"size": 60}, {"size": {}}, {"size": [1]}):
+        with pytest.raises(fantex.Error, match="something else belongs here: a word in quotation marks, or one key"):
+            waves.paint([{"brush": brush, "channels": [], "samples": []}])
+
+
 def square_of_trimesh(material):
     trimesh = pytest.importorskip("trimesh")
     positions = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -184,5 +266,9 @@ def test_colors_of_materials_of_trimesh(tmp_path):
     ]:
         asset = fantex.bake(square_of_trimesh(material), tmp_path / "a.fan", texels=4000, format="float", overwrite=True)
         np.testing.assert_allclose(asset.sample([0.5, 0.5, 0])[:3], expected, atol=0.01)
-    with pytest.raises(ValueError, match="neither textures nor colours"):
-        fantex.bake(square_of_trimesh(PBRMaterial(roughnessFactor=0.5)), tmp_path / "b.fan")
+    # What says how it shines is a material, and what says nothing is none.
+    asset = fantex.bake(square_of_trimesh(PBRMaterial(roughnessFactor=0.5)), tmp_path / "b.fan", texels=4000)
+    assert [material.roughness for material in asset.materials] == [0.5]
+    for material in (PBRMaterial(), SimpleMaterial(), SimpleMaterial(diffuse=[102, 102, 102, 255])):
+        with pytest.raises(ValueError, match="neither textures nor colours"):
+            fantex.bake(square_of_trimesh(material), tmp_path / "c.fan")

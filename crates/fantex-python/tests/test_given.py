@@ -239,13 +239,15 @@ def test_masks_that_do_not_fit_pictures():
     assert fantex.compare_pictures(black, slope, counts=counts.tolist()) == fantex.compare_pictures(black, slope, counts=counts)
     with pytest.raises(ValueError, match=r"counts has the shape \(8, 4\); expected that of the pictures, \(4, 8\)"):
         fantex.compare_pictures(black, slope, counts=counts.T)
+    with pytest.raises(ValueError, match="counts leaves no pixel to compare"):
+        fantex.compare_pictures(black, slope, counts=counts & False)
     with pytest.raises(TypeError, match="counts holds float64; expected bool"):
         fantex.compare_pictures(black, slope, counts=counts * 0.3)
 
 
 def test_greys_of_few_points(tmp_path):
     """Three greys are no colour, and a colour is no three greys, however many points are asked for at once."""
-    colors_of = fantex._bake._colors_of
+    colors_of = fantex._bake._Colors
     for count in (1, 2, 3, 4, 5):
         points = np.linspace(0.1, 0.9, count)[:, None] * np.ones(3)
         greys = colors_of(lambda points, normals: points[:, 0])(points, points)

@@ -70,7 +70,10 @@ def test_what_is_wrong_with_parts_is_named(tmp_path, sphere):
 
 def test_wrong_requests(tmp_path, sphere):
     plan = fantex.plan(sphere, tmp_path / "a.plan", texels=20_000, source=fantex.solid("marble"))
-    for shard in [(0, 2), (3, 2), (-1, -1)]:
+    for shard in ["1/2", (1,)]:
+        with pytest.raises(ValueError, match="shard is .*; expected two whole numbers"):
+            fantex.bake_part(plan, shard, tmp_path / "x.part", mesh=sphere)
+    for shard in [(0, 2), (3, 2)]:
         with pytest.raises(ValueError, match="there is no part .* parts count from 1"):
             fantex.bake_part(plan, shard, tmp_path / "x.part", mesh=sphere)
     with pytest.raises(ValueError, match="a.plan was made for; plan anew"):

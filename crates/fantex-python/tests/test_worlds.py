@@ -102,7 +102,7 @@ def test_splits_that_are_refused_or_ended(tmp_path, globe):
 
     world = fantex.split(globe.place, tmp_path / "land", triangles=3000, previews=False)
     assert all(entry.preview is None for entry in world.objects) and world.info["preview_detail"] is None
-    with pytest.raises(fantex.Error, match="land is not empty; .* with overwrite=True"):
+    with pytest.raises(FileExistsError, match="land is not empty; .* with overwrite=True"):
         fantex.split(globe, tmp_path / "land")
     again = fantex.split(
         globe, tmp_path / "land", triangles=6000, preview_triangles=500, preview_texels=9000, overwrite=True

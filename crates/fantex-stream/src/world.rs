@@ -130,7 +130,8 @@ impl World {
     pub fn parse(place: &Path, bytes: &[u8]) -> Result<Self> {
         let file = serde_json::from_slice::<WorldFile>(bytes);
         let WorldFile { format, version, objects, coarse } = file.map_err(|error| {
-            let problem = json_problem(&error).context(format_args!("{} is no world", place.display()));
+            let problem =
+                json_problem(bytes, &error).context(format_args!("{} is no world", place.display()));
             problem.with_path(place).with_source(error)
         })?;
         let wrong = |what: String| Error::malformed(format!("{}: {what}", place.display())).with_path(place);

@@ -34,7 +34,7 @@ pub fn load_path(path: &Path) -> Result<CameraPath> {
     let refused = |sentence: String| Error::malformed(sentence).with_path(path);
     let text = read_limited(path, MAX_FILE_BYTES, "the camera path")?;
     let found: CameraPath = serde_json::from_slice(&text).map_err(|source| {
-        json_problem(&source).context(format_args!("{name} is no camera path")).with_path(path)
+        json_problem(&text, &source).context(format_args!("{name} is no camera path")).with_path(path)
     })?;
     let count = found.keyframes.len();
     if !(1..=MAX_KEYS).contains(&count) {

@@ -73,7 +73,7 @@ pub(super) fn read(path: &Path, images: Option<&Path>, camera_frame: CameraFrame
     let mut text = Vec::new();
     open_within(path, MAX_BYTES)?.take(MAX_BYTES).read_to_end(&mut text).map_err(failed)?;
     let document: Document = serde_json::from_slice(&text).map_err(|source| {
-        let problem = json_problem(&source);
+        let problem = json_problem(&text, &source);
         problem.context(format_args!("{} is no transforms.json", path.display())).with_path(path)
     })?;
     if document.frames.is_empty() {

@@ -13,8 +13,8 @@ from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Opt
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, absolute, amount, failed, is_address, names, whole
-from ._mesh import Mesh, Progress, _array, _bounds, _plain
+from ._given import PATHS, Path, absolute, amount, failed, is_address, names, plain, whole
+from ._mesh import Mesh, Progress, _array, _bounds
 from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 
 MIB = 1 << 20
@@ -638,14 +638,14 @@ def _warn_of_light(largest: float) -> None:
 
 def _rows(points: Any, name: str) -> Tuple[np.ndarray, bool]:
     """Points as rows, and whether there was one alone."""
-    points = _plain(points)
+    points = plain(points)
     is_single = points.ndim == 1 and points.size > 0
     return _array(points[None] if is_single else points, np.float64, name, 3), is_single
 
 
 def _on_surface(face: Any, barycentric: Any) -> Tuple[np.ndarray, np.ndarray, np.ndarray, bool]:
     """Points of the surface as rows, which of them are nowhere (there the first face is given), and whether there was one alone."""
-    face, barycentric = _plain(face), _plain(barycentric)
+    face, barycentric = plain(face), plain(barycentric)
     is_single = face.ndim == 0
     face = _array(np.atleast_1d(face), np.int64, "face")
     barycentric = _array(np.atleast_2d(barycentric), np.float32, "barycentric", 3)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Dict, Optional, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Tuple, Union
 
 import numpy as np
 
 from . import _native
 from ._asset import Asset, _atlas_options
-from ._given import PATHS, Path, absolute, amount, length, number, vector, whole
-from ._mesh import Mesh, Progress, _linear_rgba, _plain
+from ._given import PATHS, Path, absolute, amount, length, number, plain, vector, whole
+from ._mesh import Mesh, Progress, _linear_rgba
 
 Function = Callable[[np.ndarray, np.ndarray], Any]
 
@@ -143,7 +143,8 @@ def bake(
         match: every triangle gets the density of its texture or photograph, instead.
         source: one of this package's sources, or a function of ``points`` ``(n, 3)`` float64 in the world and ``normals``
             ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``, greys ``(n,)``, or one colour for all: linear floats or
-            sRGB ``uint8``. It is called from several threads, with blocks of points. By default the model's own materials or colours.
+            sRGB ``uint8``. It is called from several threads, with blocks of points, and first with one point, which says whether there is
+            alpha (what that means says :meth:`Asset.paint`). By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
@@ -180,13 +181,16 @@ def bake(
         quality=quality,
         seed=seed,
     )
+    mesh = Mesh.of(mesh, weld=options["weld"])
+    parts = _parts(source, options, mesh)
     figures = _native.bake(
-        Mesh.of(mesh, weld=options["weld"])._native,
+        mesh._native,
         os.fsdecode(path),
-        _parts(source, options),
+        parts,
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
+    figures = _with_notes(figures, parts)
     asset = Asset(path)
     # By their names here.
     asset.baked = {**figures, "channels": asset.channels}
@@ -247,13 +251,16 @@ def bake_model(
         seed=seed,
     )
     options.update(_atlas_options(resolution, largest_side, padding, uv, overwrite, memory))
+    mesh = Mesh.of(mesh, weld=options["weld"])
+    parts = _parts(source, options, mesh)
     figures = _native.bake_model(
-        Mesh.of(mesh, weld=options["weld"])._native,
+        mesh._native,
         os.fsdecode(path),
-        _parts(source, options),
+        parts,
         {**options, "ktx2": ktx2},
         progress,
     )
+    figures = _with_notes(figures, parts)
     return {**figures, "files": [os.fspath(file) for file in figures["files"]]}
 
 
@@ -276,7 +283,7 @@ def _options(**given: Any) -> Dict[str, Any]:
     }
 
 
-def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:
+def _parts(source: Union[Source, Function, None], options: Dict[str, Any], mesh: Mesh) -> Any:
     """A source as the compiled part takes it. The cage of a mesh goes to the options."""
     if source is None:
         return None
@@ -287,20 +294,47 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> An
             parts[key] = parts[key]._native
         return source._name, parts
     if callable(source):
-        return _colors_of(source)
+        function = _Colors(source)
+        return function, function.has_alpha(mesh)
     raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
 
 
-def _colors_of(function: Function) -> Function:
+class _Colors:
     """A function that gives linear RGBA, a row per point."""
 
-    def colors(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def __init__(self, function: Function) -> None:
+        self.function = function
+        # Of each block that has some, how many numbers are none. Blocks come on several threads, and lists grow on any.
+        self.unknown: List[int] = []
+
+    def has_alpha(self, mesh: Mesh) -> bool:
+        """Whether it gives four numbers of a point: the middle of the first face."""
+        a, b, c = mesh.positions[mesh.faces[0]]
+        normal = np.cross(b - a, c - a)
+        length = np.linalg.norm(normal)
+        normal = normal / length if length > 0 else np.array([0.0, 0.0, 1.0])
+        given = plain(self.function((a + b + c)[None, :] / 3, normal[None, :].astype(np.float32)))
+        return given.ndim in (1, 2) and given.shape[-1] == 4
+
+    def __call__(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         count = len(points)
-        given = _plain(function(points, normals))
+        given = plain(self.function(points, normals))
         if given.ndim == 1 and len(given) == count and count in (3, 4):
             # Greys, or one colour for all: more points tell.
-            more = _plain(function(np.tile(points, (2, 1)), np.tile(normals, (2, 1))))
+            more = plain(self.function(np.tile(points, (2, 1)), np.tile(normals, (2, 1))))
             given = given[None, :] if len(more) == count else given[:, None]
-        return _linear_rgba(given, count, "the source's result")
+        colors = _linear_rgba(given, count, "the source's result")
+        unknown = np.count_nonzero(np.isnan(colors).any(1))
+        if unknown:
+            self.unknown.append(unknown)
+        # What is brighter than any number is as bright as the format allows.
+        return np.nan_to_num(colors, nan=0.0, posinf=65504.0, neginf=0.0)
 
-    return colors
+
+def _with_notes(figures: Dict[str, Any], parts: Any) -> Dict[str, Any]:
+    """What a bake told, and what its function did."""
+    function = parts[0] if isinstance(parts, tuple) else None
+    if isinstance(function, _Colors) and function.unknown:
+        note = f"The source gave no number for {sum(function.unknown)} points, which became black."
+        figures["notes"] = [*figures["notes"], note]
+    return figures

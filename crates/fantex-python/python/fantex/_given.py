@@ -116,3 +116,10 @@ def vector(numbers: Any, name: str) -> List[float]:
 def names(given: Union[str, Iterable[str]]) -> Sequence[str]:
     """Several names, or one."""
     return [given] if isinstance(given, str) else list(given)
+
+
+def plain(values: Any) -> np.ndarray:
+    """An array of whatever type."""
+    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
+        return np.from_dlpack(values.detach() if hasattr(values, "detach") else values)
+    return np.asarray(values)

@@ -8,9 +8,9 @@ from typing import Any, Callable, Optional, Protocol, Sequence, Tuple, Union
 
 import numpy as np
 
-from . import _native
-from ._given import PATHS, Path, amount, is_stage, is_usd, length, whole
-from ._picture import Camera, Picture, _linear, _srgb8, _taken, _view
+from . import _native, _trimesh
+from ._given import PATHS, Path, amount, is_stage, is_usd, length, plain, whole
+from ._picture import Camera, Picture, _srgb8, _taken, _view
 
 
 class StepProgress(Protocol):
@@ -76,7 +76,7 @@ def _encoded(picture: Any) -> Tuple[bytes, bool]:
     if isinstance(picture, (str, os.PathLike)):
         with io.open(picture, "rb") as file:
             return file.read(), False
-    array = _plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
+    array = plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
     if array.ndim not in (2, 3) or not (array.dtype == np.uint8 or array.dtype.kind == "f"):
         raise TypeError(f"a picture is (h, w) or (h, w, c), uint8 or float, not {array.shape} {array.dtype}")
     if array.ndim == 2:
@@ -115,8 +115,10 @@ class Mesh:
     ) -> None:
         positions = _array(positions, np.float64, "positions", 3)
         faces = _array(faces, np.int64, "faces", 3)
+        if not len(faces):
+            raise ValueError("the mesh has no faces; a textured surface needs at least one")
         if colors is not None:
-            colors = _linear_rgba(_plain(colors), len(positions), "colors")
+            colors = _linear_rgba(plain(colors), len(positions), "colors")
         if normals is not None:
             normals = _array(normals, np.float32, "normals", 3)
         if uv is not None:
@@ -152,8 +154,8 @@ class Mesh:
     @classmethod
     def of(cls, mesh: Any, *, weld: Optional[float] = None) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
-        ``faces``, an open stage of USD, or an :class:`Asset`. Of trimesh come colours of vertices or faces, or coordinates with the base colour's picture and
-        factor, or the factor alone; of Open3D colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
+        ``faces``, an open stage of USD, or an :class:`Asset`. Of trimesh, also of scenes, come colours of vertices or faces, or coordinates and
+        materials with all their maps and what they make of opacity; of Open3D colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
         is_asset = isinstance(getattr(mesh, "_native", None), _native.Asset)
         if weld is not None and (is_asset or isinstance(mesh, Mesh)):
             raise ValueError(f"weld= is for models and arrays; {mesh!r} is cleaned already, so give weld= where it is made")
@@ -169,9 +171,9 @@ class Mesh:
             if len(mesh) not in (2, 3):
                 raise TypeError("a mesh in a tuple is (positions, faces) or (positions, faces, colors)")
             return cls(mesh[0], mesh[1], colors=mesh[2] if len(mesh) == 3 else None, weld=weld)
-        if hasattr(mesh, "dump") and hasattr(mesh, "geometry"):
-            # A scene of trimesh.
-            mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh.dump(concatenate=True)
+        if _trimesh.is_scene(mesh) or _trimesh.has_texture(mesh):
+            glb = _trimesh.glb_of(mesh, _linear_rgba, lambda picture: _encoded(picture)[0])
+            return cls._of(_native.Mesh.of_glb(glb, "the mesh", [], length(weld, "weld")))
         if hasattr(mesh, "vertices") and hasattr(mesh, "has_vertex_colors"):
             # Of Open3D.
             colors = np.asarray(mesh.vertex_colors) if mesh.has_vertex_colors() else None
@@ -183,7 +185,8 @@ class Mesh:
                 corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
                 colors = np.repeat(np.asarray(mesh.visual.face_colors), 3, axis=0)
                 return cls(corners, np.arange(len(corners)).reshape(-1, 3), colors=colors, weld=weld)
-            return cls(mesh.vertices, mesh.faces, **_visual(mesh), weld=weld)
+            colors = mesh.visual.vertex_colors if getattr(getattr(mesh, "visual", None), "kind", None) == "vertex" else None
+            return cls(mesh.vertices, mesh.faces, colors=colors, weld=weld)
         raise TypeError(
             f"{type(mesh).__name__} is no mesh: give a path, a fantex.Mesh, (positions, faces), or an object with vertices and faces"
         )
@@ -280,53 +283,9 @@ def _bounds(positions: np.ndarray) -> np.ndarray:
     return np.stack([positions.min(0), positions.max(0)])
 
 
-def _plain(values: Any) -> np.ndarray:
-    """An array of whatever type."""
-    if not isinstance(values, np.ndarray) and hasattr(values, "__dlpack__"):
-        return np.from_dlpack(values.detach() if hasattr(values, "detach") else values)
-    return np.asarray(values)
-
-
 def _srgb_floats(colors: np.ndarray) -> np.ndarray:
     """Open3D's vertex colours: floats that are sRGB-encoded."""
     return (np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
-
-
-def _visual(mesh: Any) -> dict:
-    """Colours of vertices, or coordinates and a picture, of a mesh of trimesh."""
-    visual = getattr(mesh, "visual", None)
-    if getattr(visual, "kind", None) == "vertex":
-        return {"colors": np.asarray(visual.vertex_colors)}
-    uv = getattr(visual, "uv", None)
-    material = getattr(visual, "material", None)
-    picture = getattr(material, "baseColorTexture", None)
-    picture = getattr(material, "image", None) if picture is None else picture
-    factor = _factor(material)
-    if uv is None or picture is None:
-        return {} if factor is None else {"colors": np.tile(factor, (len(mesh.vertices), 1))}
-    if factor is not None and (factor != 1).any():
-        picture = _plain(picture.convert("RGBA") if hasattr(picture, "convert") else picture)
-        colors = _linear(picture, "the texture")
-        picture = np.ones((*colors.shape[:2], 4), np.float32)
-        has_alpha = colors.shape[2] in (2, 4)
-        picture[..., :3] = colors[..., : colors.shape[2] - has_alpha]
-        if has_alpha:
-            picture[..., 3] = colors[..., -1]
-        picture *= factor
-    return {"uv": uv, "image": picture}
-
-
-def _factor(material: Any) -> Optional[np.ndarray]:
-    """The colour of a material of trimesh, linear RGBA; None where it has none."""
-    factor = getattr(material, "baseColorFactor", None)
-    if factor is not None:
-        # glTF's numbers, in 255ths.
-        return np.asarray(factor, np.float32) / np.float32(255)
-    diffuse = getattr(material, "diffuse", None)
-    # trimesh's own grey stands for none.
-    if diffuse is None or np.array_equal(diffuse, (102, 102, 102, 255)):
-        return None
-    return _linear_rgba(np.asarray(diffuse, np.uint8), 1, "the material's colour")[0]
 
 
 class Unwrapping(tuple):
@@ -362,7 +321,7 @@ def parametrize(
     Returns:
         ``vmapping`` ``(k,)`` uint32, the vertex of ``positions`` that each new vertex was; ``faces`` ``(m, 3)`` uint32 of new
         vertices, in the order of the input; ``uvs`` ``(k, 2)`` float32 in 0..1. Use ``positions[vmapping]``. No face is left
-        out: repeated ones share coordinates, those without area lie in a point.
+        out: repeated ones share coordinates; those without area, or at positions that are no finite numbers, lie in a point.
     """
     positions = _array(positions, np.float64, "positions", 3)
     faces = _array(faces, np.int64, "faces", 3)

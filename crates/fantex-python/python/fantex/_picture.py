@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, size as _size, vector, whole
+from ._given import PATHS, Path, plain, size as _size, vector, whole
 
 
 class Picture(np.ndarray):
@@ -140,6 +140,11 @@ def compare_pictures(reference: Any, test: Any, *, counts: Any = None) -> Dict[s
         if counts.shape != reference.shape[:2]:
             raise ValueError(f"counts has the shape {counts.shape}; expected that of the pictures, {reference.shape[:2]}")
         counts = np.ascontiguousarray(counts)
+        if not counts.any():
+            raise ValueError("counts leaves no pixel to compare")
+    sizes = [tuple(picture.shape[:2]) for picture in (reference, test)]
+    if sizes[0] != sizes[1]:
+        raise ValueError(f"reference has {sizes[0]} rows and columns, test has {sizes[1]}; pictures of one size are compared")
     found = _native.compare_pictures(reference, test, counts)
     return dict(zip(("psnr_db", "ssim", "flip"), found))
 
@@ -160,7 +165,7 @@ def _linear(picture: Any, name: str) -> np.ndarray:
     """A picture as linear floats ``(h, w, c)``."""
     if isinstance(picture, PATHS):
         raise TypeError(f"{name} is a path; expected the picture in it, as PIL.Image.open gives it")
-    array = np.asarray(picture)
+    array = plain(picture)
     if array.ndim == 2:
         array = array[:, :, None]
     if array.ndim != 3 or array.shape[2] not in (1, 2, 3, 4):

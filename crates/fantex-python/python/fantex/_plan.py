@@ -9,7 +9,7 @@ from typing import Any, Dict, Iterable, Optional, Tuple, Union
 from . import _native
 from ._asset import Asset
 from ._bake import Function, Source, _options, _parts
-from ._given import PATHS, Path, absolute, amount
+from ._given import PATHS, Path, absolute, amount, whole
 from ._mesh import Mesh, Progress
 from ._picture import _warn
 
@@ -99,10 +99,11 @@ def plan(
         quality=quality,
         seed=seed,
     )
-    parts = _parts(source, options)
+    loaded = Mesh.of(mesh, weld=options["weld"])
+    parts = _parts(source, options, loaded)
     note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
     _native.plan(
-        Mesh.of(mesh, weld=options["weld"])._native,
+        loaded._native,
         os.fsdecode(path),
         json.dumps(note).encode(),
         parts,
@@ -145,7 +146,9 @@ def bake_part(
         KeyboardInterrupt: Ctrl-C; nothing is left of the file.
     """
     plan = plan if isinstance(plan, Plan) else Plan(plan)
-    number, count = (int(part) for part in shard)
+    if isinstance(shard, (str, bytes)) or len(shard) != 2:
+        raise ValueError(f"shard is {shard!r}; expected two whole numbers, which part and how many there are: (1, 4)")
+    number, count = (whole(part, "shard") for part in shard)
     if not 1 <= number <= count < 1 << 32:
         raise ValueError(f"there is no part {number} of {count}; parts count from 1")
     note = plan._note()
@@ -158,12 +161,13 @@ def bake_part(
         source = _source_of(note["source"], plan)
     # One in memory is as it was planned.
     weld = None if isinstance(mesh, Mesh) else options.get("weld")
+    mesh = Mesh.of(mesh, weld=weld)
     figures = _native.bake_part(
         plan._native,
         (number, count),
-        Mesh.of(mesh, weld=weld)._native,
+        mesh._native,
         os.fsdecode(path),
-        _parts(source, options),
+        _parts(source, options, mesh),
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )

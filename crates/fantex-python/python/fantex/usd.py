@@ -12,9 +12,7 @@ meshes as they are at rest. What is left out is noted.
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import struct
 import sys
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -22,15 +20,14 @@ import numpy as np
 
 from . import _native
 from ._given import Path, failed, is_stage
-from ._picture import _srgb8
+from ._glb import Glb
+from ._picture import _srgb8, _write
 
 #: What of a stage is shown, unless somebody wants its helpers, too.
 PURPOSES = ("default", "render")
 
 # glTF's numbers.
-_FLOAT, _UINT = 5126, 5125
 _WRAPS = {"repeat": 10497, "mirror": 33648, "clamp": 33071, "black": 33071}
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 def write_glb(
@@ -59,17 +56,7 @@ def write_glb(
     if not overwrite and os.path.exists(path):
         raise FileExistsError(f"{path} exists; give overwrite=True to replace it")
     glb, notes = glb_of(stage, time, purposes, y_up=True)
-    unfinished = f"{path}.unfinished"
-    try:
-        with open(unfinished, "wb") as file:
-            file.write(glb)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(unfinished, path)
-    except BaseException:
-        if os.path.exists(unfinished):
-            os.remove(unfinished)
-        raise
+    _write(path, glb)
     return notes
 
 
@@ -92,57 +79,6 @@ def glb_of(
             raise failed(f"{name}: {str(error).strip().splitlines()[-1].strip()}") from None
     code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
     return _Reader(stage, code, purposes).read(y_up)
-
-
-class _Glb:
-    """A glTF document and its bytes."""
-
-    def __init__(self) -> None:
-        self.json: Dict[str, Any] = {"asset": {"version": "2.0", "generator": "fantex"}, "extensionsUsed": []}
-        self.chunks: List[bytes] = []
-        self.length = 0
-
-    def add(self, kind: str, item: Dict[str, Any]) -> int:
-        items = self.json.setdefault(kind, [])
-        items.append(item)
-        return len(items) - 1
-
-    def view(self, data: bytes) -> int:
-        view = self.add("bufferViews", {"buffer": 0, "byteOffset": self.length, "byteLength": len(data)})
-        data += b"\0" * (-len(data) % 4)
-        self.chunks.append(data)
-        self.length += len(data)
-        return view
-
-    def accessor(self, values: np.ndarray, is_position: bool = False) -> int:
-        is_index = values.dtype.kind in "iu"
-        values = np.ascontiguousarray(values, np.uint32 if is_index else np.float32)
-        accessor = {
-            "bufferView": self.view(values.tobytes()),
-            "componentType": _UINT if is_index else _FLOAT,
-            "count": len(values),
-            "type": _TYPES[1 if values.ndim == 1 else values.shape[1]],
-        }
-        if is_position:
-            accessor["min"], accessor["max"] = values.min(0).tolist(), values.max(0).tolist()
-        return self.add("accessors", accessor)
-
-    def extension(self, name: str, values: Dict[str, Any]) -> Dict[str, Any]:
-        if name not in self.json["extensionsUsed"]:
-            self.json["extensionsUsed"].append(name)
-        return {name: values}
-
-    def finished(self) -> bytes:
-        if not self.json["extensionsUsed"]:
-            del self.json["extensionsUsed"]
-        self.json["buffers"] = [{"byteLength": self.length}]
-        text = json.dumps(self.json, separators=(",", ":"), allow_nan=False).encode()
-        text += b" " * (-len(text) % 4)
-        total = 12 + 8 + len(text) + 8 + self.length
-        if total >= 1 << 32:
-            raise failed(f"the stage takes {total} bytes as a GLB, whose limit are 4 GiB; bake its parts one by one")
-        head = struct.pack("<4sII", b"glTF", 2, total) + struct.pack("<I4s", len(text), b"JSON")
-        return b"".join([head, text, struct.pack("<I4s", self.length, b"BIN\0"), *self.chunks])
 
 
 class _Texture(NamedTuple):
@@ -221,7 +157,7 @@ class _Reader:
 
         self.stage, self.time, self.purposes = stage, time, set(purposes)
         self.xforms = UsdGeom.XformCache(time)
-        self.glb = _Glb()
+        self.glb = Glb()
         self.meshes: Dict[Any, Optional[int]] = {}
         self.surfaces: Dict[str, Optional[_Surface]] = {}
         self.materials: Dict[Any, int] = {}
@@ -733,19 +669,15 @@ class _Reader:
                 # glTF knows two formats.
                 texels = self.decoded(texture, data, texture.space != "raw")
                 data = None if texels is None else _native.encode_png(_srgb8(texels))
-            self.images[key] = None if data is None else self.image(data, texture)
+            self.images[key] = None if data is None else self.glb.image(data, os.path.basename(texture.file))
         return self.looked_up(surface, texture, self.images[key])
 
     def encoded(self, surface: _Surface, texture: _Texture, key: Any, picture: np.ndarray) -> Optional[Dict[str, Any]]:
         """An image that was put together, once."""
         if key not in self.images:
-            self.images[key] = self.image(_native.encode_png(np.ascontiguousarray(picture)), texture)
+            data = _native.encode_png(np.ascontiguousarray(picture))
+            self.images[key] = self.glb.image(data, os.path.basename(texture.file))
         return self.looked_up(surface, texture, self.images[key])
-
-    def image(self, data: bytes, texture: _Texture) -> int:
-        mime = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-        name = os.path.basename(texture.file)
-        return self.glb.add("images", {"bufferView": self.glb.view(data), "mimeType": mime, "name": name})
 
     def looked_up(self, surface: _Surface, texture: _Texture, image: Optional[int]) -> Optional[Dict[str, Any]]:
         if image is None:

@@ -90,7 +90,7 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
 fn read_path(path: &Path) -> Result<CameraPath> {
     let text = fantex::base::input::read_text(path)?;
     let parsed: CameraPath = serde_json::from_str(&text).map_err(|error| {
-        let problem = json_problem(&error);
+        let problem = json_problem(text.as_bytes(), &error);
         problem.context(format_args!("{} is no camera path", path.display())).with_path(path)
     })?;
     if parsed.keyframes.is_empty() {

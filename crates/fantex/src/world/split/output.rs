@@ -47,7 +47,7 @@ impl Output {
         let names = names_in(folder)?;
         if !force && !names.is_empty() {
             let folder = folder.display();
-            return Err(Error::conflict(format!(
+            return Err(Error::already_exists(format!(
                 "{folder} is not empty; give another folder, or write over the world in it with --force"
             )));
         }
