@@ -117,6 +117,7 @@ fn check_toon(index: usize, scale: &ToonScale) -> Result<()> {
     Ok(())
 }
 
+/// Colours of corners are left out: what a bake took from them is in its texels, and of a scan they would be most of the section.
 pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
     let corners = &mesh.corners;
     let mut out = ByteWriter::default();
@@ -125,7 +126,6 @@ pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
     let flag = |present: bool, flag: u32| if present { flag } else { 0 };
     out.u32(
         flag(!corners.normals.is_empty(), HAS_NORMALS)
-            | flag(!corners.colors.is_empty(), HAS_COLORS)
             | flag(!corners.tangents.is_empty(), HAS_TANGENTS)
             | flag(!mesh.triangle_materials.is_empty(), HAS_TRIANGLE_MATERIALS)
             | flag(!mesh.parts.names.is_empty(), HAS_PARTS),
@@ -139,7 +139,6 @@ pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
     out.words(mesh.triangles.iter().copied());
     out.floats(mesh.positions.iter().map(Vec3::to_array));
     out.floats(corners.normals.iter().map(Vec3::to_array));
-    out.floats(corners.colors.iter().map(Vec4::to_array));
     out.floats(corners.tangents.iter().map(Vec4::to_array));
     uv_sets.for_each(|uvs| out.floats(uvs.iter().map(Vec2::to_array)));
     out.words(mesh.triangle_materials.iter().map(|&m| [m]));
@@ -309,4 +308,29 @@ fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale> {
     input.take(2, what)?;
     let stop = |_| input.f32s(what).map(|[at, r, g, b]| (at, Vec3::new(r, g, b)));
     Ok(ToonScale { stops: (0..count).map(stop).collect::<Result<_, _>>()?, interpolation })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_of_corners_that_others_wrote_are_read() {
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            corners: CornerAttributes { normals: vec![Vec3::Z; 3], ..CornerAttributes::default() },
+            materials: vec![Material::default()],
+            ..Mesh::default()
+        };
+        let colors = [Vec4::ONE, Vec4::new(0.25, 0.5, 2.0, 0.0), Vec4::W];
+        let mut bytes = encode(&mesh);
+        bytes[8] |= HAS_COLORS as u8;
+        let mut section = ByteWriter::default();
+        section.floats(colors.iter().map(Vec4::to_array));
+        // After the counts and the place, triangles, positions and normals.
+        let at = 52 + 4 * (3 + 9 + 9);
+        bytes.splice(at..at, section.bytes);
+        assert_eq!(decode(&bytes).unwrap().corners.colors, colors);
+    }
 }

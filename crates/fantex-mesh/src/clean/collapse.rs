@@ -1,10 +1,11 @@
-//! Models most of which collapses in single precision, because a few vertices lie far away.
+//! Models most of which collapses or is bent in single precision, because a few vertices lie far away.
 
 use fantex_base::Error;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{BLOCK, exact};
+use crate::WorldFromMesh;
 
 /// Triangles whose height is a smaller share of their longest edge are lines in double precision, too.
 const LINE: f64 = 1e-9;
@@ -12,11 +13,25 @@ const LINE: f64 = 1e-9;
 /// Where the triangles that collapse spread over a larger share of the model, it is not for far vertices that they do.
 const MAX_SPREAD: f64 = 0.01;
 
-/// Why a model is refused: more than half of its triangles have an area in double precision (`world`) and none in mesh space (`mesh`), and lie
-/// together, far from other vertices. None where that is not so.
-pub(super) fn problem(name: &str, world: &[DVec3], mesh: &[Vec3], triangles: &[[u32; 3]]) -> Option<Error> {
+/// Rounding moves the corners of triangles by no larger share of their longest edge, or they are steps instead of a surface.
+const MAX_MOVE: f64 = 0.1;
+
+/// Why a model is refused: more than half of its triangles have an area in double precision (`world`) and none in mesh space (`mesh`), or corners
+/// that rounding has moved far, and lie together, far from other vertices. None where that is not so.
+pub(super) fn problem(
+    name: &str,
+    world: &[DVec3],
+    mesh: &[Vec3],
+    world_from_mesh: &WorldFromMesh,
+    triangles: &[[u32; 3]],
+) -> Option<Error> {
     let is_collapsed = |&t: &[u32; 3]| {
-        exact::has_no_area(t.map(|v| mesh[v as usize])) && has_area(t.map(|v| world[v as usize]))
+        let corners = t.map(|v| world[v as usize]);
+        let moved =
+            || t.iter().map(|&v| world_from_mesh.point(mesh[v as usize]).distance_squared(world[v as usize]));
+        has_area(corners)
+            && (exact::has_no_area(t.map(|v| mesh[v as usize]))
+                || moved().fold(0.0, f64::max) > MAX_MOVE * MAX_MOVE * longest_squared(corners))
     };
     let collapsed: Vec<[u32; 3]> =
         triangles.par_iter().with_min_len(BLOCK).copied().filter(is_collapsed).collect();
@@ -46,9 +61,11 @@ pub(super) fn problem(name: &str, world: &[DVec3], mesh: &[Vec3], triangles: &[[
 }
 
 fn has_area([a, b, c]: [DVec3; 3]) -> bool {
-    let (ab, ac) = (b - a, c - a);
-    let longest = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
-    ab.cross(ac).length() > LINE * longest
+    (b - a).cross(c - a).length() > LINE * longest_squared([a, b, c])
+}
+
+fn longest_squared([a, b, c]: [DVec3; 3]) -> f64 {
+    a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a))
 }
 
 /// Of each coordinate of at least one point.

@@ -101,7 +101,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     let positions = mesh_positions(&model, &used, &world_from_mesh);
     if options.world_from_mesh.is_none()
         && let Some(problem) =
-            collapse::problem(&model.name, &model.positions, &positions, &surface.triangles)
+            collapse::problem(&model.name, &model.positions, &positions, &world_from_mesh, &surface.triangles)
     {
         return Err(problem);
     }

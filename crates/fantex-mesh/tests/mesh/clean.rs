@@ -369,7 +369,8 @@ fn nothing_left_is_an_error_that_says_why() {
 
 #[test]
 fn a_stray_vertex_does_not_take_the_model_with_it() {
-    for far in [1e8, 1e38, 1e60] {
+    // At 1e6 no triangle loses its area, but steps of 0.06 are all that is left of edges of 0.03.
+    for far in [1e6, 1e8, 1e38, 1e60] {
         let mut ball = icosphere(4);
         ball.name = "test".to_owned();
         let stray = ball.positions.len() as u32;

@@ -47,7 +47,7 @@ pub(crate) fn sheet(n: u32) -> Mesh {
         corners: CornerAttributes {
             normals: corners.iter().map(|_| Vec3::Z).collect(),
             uv_sets: vec![corners.iter().map(|p| p.truncate()).collect()],
-            colors: corners.iter().map(|p| p.extend(1.0)).collect(),
+            colors: Vec::new(),
             tangents: corners.iter().map(|_| Vec4::X).collect(),
         },
         triangle_materials: (0..triangles.len() as u32).map(|t| t % 2).collect(),

@@ -10,7 +10,7 @@ use fantex_mesh::{CleanOptions, Material, Mesh, ToonInterpolation, ToonScale, cl
 use fantex_store::{
     Asset, AssetWriter, ByteSource, Channel, CreateOptions, PageId, Quality, TexelSlice, decode, encode,
 };
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use crate::common::{
     block_channels, encoded_page, fan_cover, means, page_texels, pages, plain_channels, sheet, tetrahedron,
@@ -255,6 +255,18 @@ fn everything_comes_back() {
         }
         check_pages(&asset, &channels);
     }
+}
+
+#[test]
+fn colors_of_corners_are_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plain, colored] = ["plain.fan", "colored.fan"].map(|name| folder.path().join(name));
+    let mut mesh = sheet(3);
+    let cover = fan_cover(&mesh, |_| [16, 16]);
+    write(&plain, &mesh, &cover, &block_channels(), 1).unwrap();
+    mesh.corners.colors = vec![Vec4::new(0.25, 0.5, 0.75, 1.0); 3 * mesh.triangles.len()];
+    write(&colored, &mesh, &cover, &block_channels(), 1).unwrap();
+    assert!(std::fs::read(&plain).unwrap() == std::fs::read(&colored).unwrap());
 }
 
 #[test]
