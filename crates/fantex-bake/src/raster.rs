@@ -116,14 +116,15 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    /// The values of a row's texels.
-    fn row(&self, y: usize, values: &mut Vec<Vec4>) {
+    /// The values of the texels of a part of a row.
+    fn row(&self, y: usize, columns: Range<usize>, values: &mut Vec<Vec4>) {
         let (raster, channels) = (self.raster, self.raster.channels);
         let [width, height] = raster.extent.map(|n| n as usize);
         let is_inside = y > 0 && y + 1 < height && width > 2;
+        let first = y * width + columns.start;
         match self.strength {
             None if raster.coverage.is_none() => {
-                values.extend_from_slice(&raster.values[y * width * channels..][..width * channels]);
+                values.extend_from_slice(&raster.values[first * channels..][..columns.len() * channels]);
             }
             Some(strength) if raster.coverage.is_none() && is_inside => {
                 let [above, own, below] = [y - 1, y, y + 1].map(|y| {
@@ -132,7 +133,7 @@ impl<'a> Fitting<'a> {
                         &raster.values[y * width * channels..][..width * channels],
                     )
                 });
-                for x in 0..width {
+                for x in columns {
                     let is_whole = x > 0
                         && x + 1 < width
                         && above.0[x]
@@ -149,7 +150,9 @@ impl<'a> Fitting<'a> {
                     }
                 }
             }
-            _ => (y * width..(y + 1) * width).for_each(|texel| self.texel(texel, |value| values.push(value))),
+            _ => {
+                (first..first + columns.len()).for_each(|texel| self.texel(texel, |value| values.push(value)))
+            }
         }
     }
 
@@ -180,20 +183,26 @@ impl<'a> Fitting<'a> {
         let raster = self.raster;
         let width = raster.extent[0] as usize;
         let mut values = Vec::with_capacity(rows.len() * width * raster.channels);
-        rows.clone().for_each(|y| self.row(y, &mut values));
         let mut read = Vec::with_capacity(width / 4 * (rows.len() / 4));
         for y in rows.clone().step_by(4) {
-            for x in (0..width).step_by(4) {
-                read.push(is_read([x / 4, y / 4]));
-                let first = (y - rows.start) * width + x;
-                if read.last() == Some(&true) {
-                    self.fill_block([x, y], first, &mut values);
-                } else {
-                    for row in 0..4 {
-                        let start = (first + row * width) * raster.channels;
-                        values[start..start + 4 * raster.channels].fill(Vec4::ZERO);
+            let first = read.len();
+            read.extend((0..width / 4).map(|x| is_read([x, y / 4])));
+            let read = &read[first..];
+            for y in y..y + 4 {
+                let mut column = 0;
+                for blocks in read.chunk_by(PartialEq::eq) {
+                    let columns = column..column + 4 * blocks.len();
+                    column = columns.end;
+                    match blocks[0] {
+                        true => self.row(y, columns, &mut values),
+                        false => {
+                            values.resize(values.len() + columns.len() * raster.channels, Vec4::ZERO);
+                        }
                     }
                 }
+            }
+            for (x, _) in (0..).step_by(4).zip(read).filter(|(_, is_read)| **is_read) {
+                self.fill_block([x, y], (y - rows.start) * width + x, &mut values);
             }
         }
         StoredRows { width, values, read, channels: raster.channels }

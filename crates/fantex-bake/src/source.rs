@@ -175,18 +175,51 @@ impl TrianglePlane {
         }
     }
 
-    /// The point with these barycentric coordinates. (Inlined always: what is stored in parts and read as a whole from memory stalls.)
+    /// The point with these barycentric coordinates.
     #[inline(always)]
     pub fn point(&self, lambda: Vec3) -> TexelPoint {
-        // Off the surface the plane goes on, but a normal must not be extrapolated.
-        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let [normal] = self.normals_at(&[lambda]);
+        self.point_with(lambda, normal)
+    }
+
+    /// The points with these barycentric coordinates: roots and quotients of several at once.
+    #[inline(always)]
+    pub fn points<'p, const COUNT: usize>(
+        &'p self,
+        lambda: &'p [Vec3; COUNT],
+    ) -> impl Iterator<Item = TexelPoint> + 'p {
+        let normals = self.normals_at(lambda);
+        lambda.iter().zip(normals).map(|(&lambda, normal)| self.point_with(lambda, normal))
+    }
+
+    // Inlined always: what is stored in parts and read as a whole from memory stalls.
+    #[inline(always)]
+    fn point_with(&self, lambda: Vec3, normal: Vec3) -> TexelPoint {
         TexelPoint {
             at: SurfacePoint { triangle: self.triangle as u32, lambda },
             lambda_steps: self.lambda_steps,
             position: interpolate(self.corners, lambda),
             position_steps: self.position_steps,
-            normal: interpolate(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
+            normal,
         }
+    }
+
+    #[inline(always)]
+    fn normals_at<const COUNT: usize>(&self, lambda: &[Vec3; COUNT]) -> [Vec3; COUNT] {
+        let (mut normals, mut scales) = ([Vec3::ZERO; COUNT], [0.0; COUNT]);
+        for ((normal, scale), lambda) in normals.iter_mut().zip(&mut scales).zip(lambda) {
+            // Off the surface the plane goes on, but a normal must not be extrapolated.
+            *normal = interpolate(self.normals, lambda.clamp(Vec3::ZERO, Vec3::ONE));
+            *scale = normal.length_squared();
+        }
+        for scale in &mut scales {
+            *scale = scale.sqrt().recip();
+        }
+        for (normal, &scale) in normals.iter_mut().zip(&scales) {
+            let is_usable = scale.is_finite() && scale > 0.0;
+            *normal = if is_usable { *normal * scale } else { self.facet_normal };
+        }
+        normals
     }
 }
 

@@ -38,8 +38,11 @@ use crate::{
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
 const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
 
-/// Points that a source is asked for at a time.
-const POINTS: usize = 256;
+/// Points that a source is asked for at a time: enough for vectors, few enough that they stay in the nearest cache.
+const POINTS: usize = 128;
+
+/// Points of a triangle that are found at once.
+const PLANE_POINTS: usize = 8;
 
 /// How large a part of a texel's side stands for its centre: relief is a difference of heights, so it must not be zero.
 const POINT_SIDE: f32 = 1.0 / 64.0;
@@ -216,14 +219,20 @@ impl TileBaker<'_> {
             }
             clear_what_is_no_number(&mut values);
             self.turn_vectors(group, points, &mut values);
-            let mut values = values.as_slice();
-            // Texels that follow one another are copied together.
-            for run in texels.chunk_by(|before, after| before + 1 == *after) {
-                let (first, of_run) = (run[0] as usize, run.len() * channels);
-                let own;
-                (own, values) = values.split_at(of_run);
-                raster.values[first * channels..][..of_run].copy_from_slice(own);
-                raster.valid[first..][..run.len()].fill(true);
+            if channels == 1 {
+                for (&texel, &value) in texels.iter().zip(&values) {
+                    (raster.values[texel as usize], raster.valid[texel as usize]) = (value, true);
+                }
+            } else {
+                // Texels that follow one another are copied together.
+                let mut values = values.as_slice();
+                for run in texels.chunk_by(|before, after| before + 1 == *after) {
+                    let (first, of_run) = (run[0] as usize, run.len() * channels);
+                    let own;
+                    (own, values) = values.split_at(of_run);
+                    raster.values[first * channels..][..of_run].copy_from_slice(own);
+                    raster.valid[first..][..run.len()].fill(true);
+                }
             }
             for (&texel, light) in texels.iter().zip(known.iter().flatten()) {
                 if light.is_none() {
@@ -270,7 +279,7 @@ impl TileBaker<'_> {
         let width = block.extent[0];
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
         let mut outcome = Ok(());
-        footprints.for_each_owner(|triangle, owned| {
+        footprints.for_each_owner(block, |triangle, owned| {
             if outcome.is_err() {
                 return;
             }
@@ -278,12 +287,19 @@ impl TileBaker<'_> {
                 TrianglePlane::new(self.mesh, self.normals, triangle.triangle as usize, triangle.steps);
             // Divisions would take as long as all else about a point.
             let mut row = owned.first().map_or(0, |first| first / width);
-            outcome = owned.iter().try_for_each(|&texel| {
-                while texel - row * width >= width {
-                    row += 1;
+            outcome = owned.chunks(PLANE_POINTS).try_for_each(|owned| {
+                let mut lambda = [Vec3::ZERO; PLANE_POINTS];
+                for (lambda, &texel) in lambda.iter_mut().zip(owned) {
+                    while texel < row * width {
+                        row -= 1;
+                    }
+                    while texel - row * width >= width {
+                        row += 1;
+                    }
+                    let place = Vec2::new((texel - row * width) as f32, row as f32);
+                    *lambda = triangle.lambda(corner + place);
                 }
-                let place = Vec2::new((texel - row * width) as f32, row as f32);
-                visit(texel, plane.point(triangle.lambda(corner + place)))
+                owned.iter().zip(plane.points(&lambda)).try_for_each(|(&texel, point)| visit(texel, point))
             });
         });
         outcome
@@ -569,14 +585,23 @@ impl Window<'_> {
             .collect()
     }
 
-    /// The values of one channel, stored as `store` says.
-    fn stored<T>(&self, channel: usize, store: impl Fn(Vec4) -> T) -> Vec<T> {
+    /// The values of one channel, stored as `store` says; all is zero where nothing is read.
+    fn stored<T: Copy>(&self, channel: usize, store: impl Fn(Vec4) -> T) -> Vec<T> {
         let [width, height] = self.extent.map(|n| n as usize);
-        let StoredRows { width: stride, values, channels, .. } = self.rows;
+        let StoredRows { width: stride, values, channels, read } = self.rows;
         let mut stored = Vec::with_capacity(width * height);
-        for row in values.chunks_exact(stride * channels) {
-            let row = &row[self.left * channels..(self.left + width) * channels];
-            stored.extend(row.chunks_exact(*channels).map(|values| store(values[channel])));
+        let zero = store(Vec4::ZERO);
+        for (y, row) in values.chunks_exact(stride * channels).enumerate() {
+            let read = &read[y / 4 * (stride / 4) + self.left / 4..][..width / 4];
+            let mut row = &row[self.left * channels..(self.left + width) * channels];
+            for blocks in read.chunk_by(PartialEq::eq) {
+                let own;
+                (own, row) = row.split_at(4 * blocks.len() * channels);
+                match blocks[0] {
+                    true => stored.extend(own.chunks_exact(*channels).map(|values| store(values[channel]))),
+                    false => stored.resize(stored.len() + 4 * blocks.len(), zero),
+                }
+            }
         }
         stored
     }

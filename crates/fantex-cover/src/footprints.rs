@@ -120,6 +120,9 @@ pub struct Footprints {
     pub distance: Vec<f32>,
 }
 
+/// Side of the squares in which texels follow one another.
+const SQUARE: u32 = 4;
+
 /// Texels this far off the surface still get a value: what a bilinear look-up at the surface's edge and the fit read.
 pub(crate) const EXTENSION_TEXELS: f32 = 2.0;
 
@@ -173,9 +176,10 @@ impl Footprints {
         read
     }
 
-    /// Visits every triangle that owns texels with them, ascending.
-    pub fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
-        // Sorted by counting, so texels stay in rows.
+    /// Visits every triangle that owns texels of the block that was [covered](Self::cover) with them, square of 4x4 after square, each row by row:
+    /// texels that follow one another lie near each other.
+    pub fn for_each_owner(&self, block: TexelBlock, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
+        // Sorted by counting, so texels stay in that order.
         let mut ends = vec![0_u32; self.triangles.len() + 1];
         let is_owned = |owner: &&u32| **owner != NO_OWNER;
         self.owner.iter().filter(is_owned).for_each(|&owner| ends[owner as usize + 1] += 1);
@@ -186,10 +190,20 @@ impl Footprints {
         }
         // These are starts; filling moves each to its end.
         let mut owned = vec![0_u32; count as usize];
-        for (texel, &owner) in (0..).zip(&self.owner).filter(|(_, owner)| is_owned(owner)) {
-            let place = &mut ends[owner as usize];
-            owned[*place as usize] = texel;
-            *place += 1;
+        let [width, height] = block.extent;
+        for (top, left) in (0..height)
+            .step_by(SQUARE as usize)
+            .flat_map(|y| (0..width).step_by(SQUARE as usize).map(move |x| (y, x)))
+        {
+            for y in top..(top + SQUARE).min(height) {
+                let texels = y * width + left..y * width + (left + SQUARE).min(width);
+                let owners = &self.owner[texels.start as usize..texels.end as usize];
+                for (texel, &owner) in texels.zip(owners).filter(|(_, owner)| is_owned(owner)) {
+                    let place = &mut ends[owner as usize];
+                    owned[*place as usize] = texel;
+                    *place += 1;
+                }
+            }
         }
         let mut begin = 0;
         for (triangle, &end) in self.triangles.iter().zip(&ends) {

@@ -509,14 +509,21 @@ impl Set {
             right[i] = sum;
         }
         let mut left = Bin::default();
-        let mut best: Option<(f32, f32)> = None;
+        let mut costs = [[0.0; BINS]; 2];
+        let mut has_both = [false; BINS];
         for i in 1..BINS {
             left.merge(&bins[i - 1]);
-            if left.area <= 0.0 || right[i].area <= 0.0 {
-                continue;
+            let is_lone = left.area <= 0.0 || right[i].area <= 0.0;
+            has_both[i] = !is_lone;
+            if has_both[i] {
+                (costs[0][i], costs[1][i]) = (left.cubed_cost(self), right[i].cubed_cost(self));
             }
+        }
+        costs.iter_mut().for_each(cost::take_cube_roots);
+        let mut best: Option<(f32, f32)> = None;
+        for i in (1..BINS).filter(|&i| has_both[i]) {
             let lopsided = (2.0 * i as f32 / BINS as f32 - 1.0).abs();
-            let cost = (left.cost(self) + right[i].cost(self)) * (1.0 + MAX_LOPSIDED_PENALTY * lopsided);
+            let cost = (costs[0][i] + costs[1][i]) * (1.0 + MAX_LOPSIDED_PENALTY * lopsided);
             if best.is_none_or(|(least, _)| cost < least) {
                 best = Some((cost, low + i as f32 / scale));
             }
@@ -594,8 +601,9 @@ impl Bin {
         self.high = self.high.max(other.high);
     }
 
-    /// An estimate. Normals spread evenly over a cap whose mean has the length `m` have an error of about `m^-5` per area.
-    fn cost(&self, set: &Set) -> f32 {
+    /// An estimate of the cost's third power. Normals spread evenly over a cap whose mean has the length `m` have an error of about `m^-5`
+    /// per area.
+    fn cubed_cost(&self, set: &Set) -> f32 {
         let axis = Vec3::from(self.axis);
         let length = axis.length() / self.area.max(f32::MIN_POSITIVE);
         let mean = length.max(0.05);
@@ -608,10 +616,8 @@ impl Bin {
         let seen = sides.dot(axis.abs()) / axis.length().max(f32::MIN_POSITIVE);
         let seen_area = axis.length() * set.times * density * density;
         let side = seen.max(0.0).sqrt();
-        cost::cost(
-            error,
-            &Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE_RATIO * 4.0 * side },
-        )
+        let region = Region { size: Vec2::splat(side), area: seen_area, outline: OUTLINE_RATIO * 4.0 * side };
+        cost::cubed_cost(error, &region, 0)
     }
 }
 

@@ -159,13 +159,18 @@ impl Raster {
         part
     }
 
-    /// As [`Raster::gather`] of two by two texels from `first` on, the common case; false where not all are valid or alpha is
+    /// As [`Raster::gather`] of two by two texels from `first` on, the common case; false where only some are valid or alpha is
     /// coverage.
     fn gather_four(&self, first: usize, target: usize, coarse: &mut Self) -> bool {
         let below = first + self.extent[0] as usize;
         let four = [first, first + 1, below, below + 1];
-        if self.coverage.is_some() || !four.iter().all(|&texel| self.valid[texel]) {
+        let valid = four.map(|texel| self.valid[texel]);
+        if self.coverage.is_some() || (valid.contains(&false) && valid.contains(&true)) {
             return false;
+        }
+        coarse.read[target] = four.iter().any(|&texel| self.read[texel]);
+        if valid == [false; 4] {
+            return true;
         }
         let [a, b, c, d] = four.map(|texel| self.texel(texel));
         let values = &mut coarse.values[target * self.channels..][..self.channels];
@@ -173,29 +178,32 @@ impl Raster {
             *value = (a[channel] + b[channel] + c[channel] + d[channel]) / 4.0;
         }
         coarse.valid[target] = true;
-        coarse.read[target] = four.iter().any(|&texel| self.read[texel]);
         true
     }
 
-    /// As [`Raster::gather`] of any number of texels, in the same order; false where not all are valid or alpha is coverage.
+    /// As [`Raster::gather`] of any number of texels, in the same order; false where only some are valid or alpha is coverage.
     fn gather_whole(&self, columns: &Overlap, rows: &Overlap, target: usize, coarse: &mut Self) -> bool {
         if self.coverage.is_some() {
             return false;
         }
         let (width, channels, across) = (self.extent[0] as usize, self.channels, columns.weights());
         let first = rows.first() * width + columns.first();
-        let (mut is_whole, mut is_read, mut total) = (true, false, 0.0);
+        let (mut is_whole, mut is_empty, mut is_read, mut total) = (true, true, false, 0.0);
         for (row, row_weight) in rows.weights().iter().enumerate() {
             let start = first + row * width;
             let [valid, read] = [&self.valid, &self.read].map(|of| &of[start..start + across.len()]);
             for ((valid, read), column_weight) in valid.iter().zip(read).zip(across) {
                 is_whole &= valid;
+                is_empty &= !valid;
                 is_read |= read;
                 total += row_weight * column_weight;
             }
         }
+        if is_empty {
+            coarse.read[target] = is_read;
+        }
         if !is_whole {
-            return false;
+            return is_empty;
         }
         let values = &mut coarse.values[target * channels..][..channels];
         for (channel, value) in values.iter_mut().enumerate() {

@@ -355,7 +355,11 @@ impl<S: TileSource> Sampler<S> {
             let value = value_of_sum(ChannelKind::Anisotropy, stretch, vertex_normal);
             Stretch { direction: value.truncate(), strength: value.w }
         });
-        let normal = value_of_sum(ChannelKind::Normal, normal, vertex_normal).truncate();
+        let has_normal = self.value_channels[3].is_some();
+        let normal = match has_normal {
+            true => value_of_sum(ChannelKind::Normal, normal, vertex_normal).truncate(),
+            false => vertex_normal,
+        };
         SurfaceValues { base_color, normal, occlusion_roughness_metallic, emission, light, stretch, lookups }
     }
 }

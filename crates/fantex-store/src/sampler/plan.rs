@@ -4,7 +4,7 @@ use fantex_cover::{Tap, TriangleTiles};
 use fantex_mesh::SurfacePoint;
 use glam::Vec2;
 
-use super::levels::LevelBlock;
+use super::levels::{ChosenLevels, LevelBlock};
 use super::{Footprint, Sampler, TileSource};
 use crate::cache::TexelQuad;
 use crate::{PAGE, TileId, page_extent};
@@ -62,6 +62,20 @@ pub(super) struct PageNames {
     pub(super) names: Vec<PageName>,
     /// One more than the index of the last page with this remainder; 0 without.
     table: [u32; 256],
+    /// Of levels of one page that were met last, by the level's remainder: points beside each other mostly read the same two.
+    recent: [Recent; 2],
+}
+
+/// A tile, in one number as that is compared at once, and the index of its page.
+#[derive(Clone, Copy)]
+struct Recent {
+    tile: u64,
+    index: u32,
+}
+
+impl Recent {
+    /// No tile has such a level.
+    const NONE: Self = Self { tile: u64::MAX, index: 0 };
 }
 
 impl PageNames {
@@ -69,12 +83,16 @@ impl PageNames {
     #[inline]
     fn find(&mut self, tile: TileId, extent: [u32; 2], uv: Vec2) -> (u32, Vec2) {
         let place = uv * Vec2::from(extent.map(|n| n as f32));
-        let page = if extent[0].max(extent[1]) <= PAGE {
-            Some([0; 2])
-        } else {
-            TexelQuad::new(uv, extent).in_one_page().0
-        };
-        let index = self.index(tile, extent, page);
+        if extent[0].max(extent[1]) <= PAGE {
+            let remainder = (tile.level % 2) as usize;
+            let number = u64::from(tile.group) << 32 | u64::from(tile.level);
+            if self.recent[remainder].tile != number {
+                let index = self.index(tile, extent, Some([0; 2]));
+                self.recent[remainder] = Recent { tile: number, index };
+            }
+            return (self.recent[remainder].index, place);
+        }
+        let index = self.index(tile, extent, TexelQuad::new(uv, extent).in_one_page().0);
         (index, place - self.names[index as usize].corner)
     }
 
@@ -115,7 +133,7 @@ impl Plan {
             entries: Vec::with_capacity(count + count / 4),
             probes: Vec::with_capacity(2 * count),
             means: Vec::new(),
-            pages: PageNames { names: Vec::with_capacity(64), table: [0; 256] },
+            pages: PageNames { names: Vec::with_capacity(64), table: [0; 256], recent: [Recent::NONE; 2] },
         };
         let (mut levels, mut places) = (LevelBlock::new(), Vec::new());
         // Where the triangle of several points in a row lies in its tiles.
@@ -158,28 +176,46 @@ impl Plan {
             let entry = (first + index) as u32;
             let chosen = levels.chosen(index);
             let group = self.entries[first + index].group;
-            let coarse_share = chosen.coarse_share;
-            let fine = (Some(chosen.fine_extent), chosen.fine, 1.0 - coarse_share);
-            let coarse = (chosen.coarse_extent, chosen.fine + 1, coarse_share);
-            for (extent, level, share) in [fine, coarse] {
-                if share == 0.0 {
-                    continue;
-                }
-                let Some(extent) = extent else {
-                    self.means.push(MeanShare { entry, share });
-                    continue;
-                };
-                let tile = TileId { group, level };
-                let share = share / chosen.probes as f32;
-                for probe in 0..chosen.probes {
-                    let along = (probe as f32 + 0.5) / chosen.probes as f32 - 0.5;
-                    let uv = uv + chosen.span * along;
-                    let (page, place) = self.pages.find(tile, extent, uv);
-                    self.probes.push(Probe { entry, page, uv, place, share });
+            let share = chosen.coarse_share;
+            if share != 1.0 {
+                let tile = TileId { group, level: chosen.fine };
+                self.add_level(entry, tile, chosen.fine_extent, 1.0 - share, uv, &chosen);
+            }
+            if share != 0.0 {
+                let tile = TileId { group, level: chosen.fine + 1 };
+                match chosen.coarse_extent {
+                    Some(extent) => self.add_level(entry, tile, extent, share, uv, &chosen),
+                    None => self.means.push(MeanShare { entry, share }),
                 }
             }
         }
         levels.clear();
         places.clear();
+    }
+
+    /// Adds what an entry reads of a level.
+    #[inline(always)]
+    fn add_level(
+        &mut self,
+        entry: u32,
+        tile: TileId,
+        extent: [u32; 2],
+        share: f32,
+        uv: Vec2,
+        &ChosenLevels { probes, span, .. }: &ChosenLevels,
+    ) {
+        let mut add = |uv: Vec2, share: f32| {
+            let (page, place) = self.pages.find(tile, extent, uv);
+            self.probes.push(Probe { entry, page, uv, place, share });
+        };
+        if probes == 1 {
+            // As the loop below has it.
+            return add(uv, share);
+        }
+        let share = share / probes as f32;
+        for probe in 0..probes {
+            let along = (probe as f32 + 0.5) / probes as f32 - 0.5;
+            add(uv + span * along, share);
+        }
     }
 }

@@ -3,6 +3,7 @@
 //! Every step is that of the scalar functions in the same order, without fused multiplications that round otherwise: values are equal
 //! bit by bit for coordinates below 2^31 (a zero may differ in its sign).
 
+use std::cell::Cell;
 use std::sync::LazyLock;
 
 use fearless_simd::prelude::*;
@@ -36,6 +37,22 @@ fn level_of_eight_lanes() -> Level {
 /// Noise of one seed in the lanes of vectors. A kernel may remember what lanes share from one vector to the next.
 pub(super) trait Kernel<const D: usize> {
     fn value<S: Simd>(&mut self, simd: S, seed: u32, at: [S::f32s; D]) -> S::f32s;
+
+    /// The same at the first `count` places of a block, up to a whole vector.
+    #[inline(always)]
+    fn values<S: Simd>(
+        &mut self,
+        simd: S,
+        seed: u32,
+        at: &[[f32; BLOCK]; D],
+        count: usize,
+        out: &mut [f32; BLOCK],
+    ) {
+        for first in (0..count).step_by(S::f32s::LEN) {
+            let value = self.value(simd, seed, load_place(simd, at, first));
+            value.store_slice(&mut out[first..first + S::f32s::LEN]);
+        }
+    }
 }
 
 /// What is done to the noise of an octave before octaves are added.
@@ -91,14 +108,31 @@ impl<Origin> Octaves<Origin> {
     ) where
         Origin: Fn(u32) -> Option<[f32; D]>,
     {
+        // Numbers that are known to lie within a block are looked up in columns without a check, many at once.
+        if out.len() <= BLOCK {
+            return self.sums_of_block(kernel, point, footprint, out);
+        }
+        for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
+            self.sums_of_block(kernel, |i| point(first + i), |i| footprint(first + i), out);
+        }
+    }
+
+    #[inline]
+    fn sums_of_block<const D: usize>(
+        &self,
+        kernel: &mut impl Kernel<D>,
+        point: impl Fn(usize) -> [f32; D],
+        footprint: impl Fn(usize) -> f32,
+        out: &mut [f32],
+    ) where
+        Origin: Fn(u32) -> Option<[f32; D]>,
+    {
         let mut at = [[0.0; BLOCK]; D];
         let mut widths = [[0.0; BLOCK]];
-        for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
-            // Lanes beyond the last point repeat it, so that they share its cells.
-            transpose(&mut at, out.len(), |i| point(first + i));
-            transpose(&mut widths, out.len(), |i| [footprint(first + i)]);
-            self.dispatch(kernel, &at, &widths[0], out);
-        }
+        // Lanes beyond the last point repeat it, so that they share its cells.
+        transpose(&mut at, out.len(), point);
+        transpose(&mut widths, out.len(), |i| [footprint(i)]);
+        self.dispatch(kernel, &at, &widths[0], out);
     }
 
     // A function of its own, so that there is one for all closures that give points.
@@ -130,29 +164,39 @@ impl<Origin> Octaves<Origin> {
         let [narrowest, widest] = least_and_greatest(footprints);
         let [zero, mean] = [S::f32s::splat(simd, 0.0), S::f32s::splat(simd, self.mean)];
         let mut sums = [0.0_f32; BLOCK];
+        let (mut places, mut noise) = ([[0.0; BLOCK]; D], [0.0; BLOCK]);
         let (mut frequency, mut amplitude) = (1.0, 1.0);
         for octave in 0..self.fractal.octaves {
             let seen_from = (self.origin)(octave).filter(|_| band_limit(frequency, narrowest) > 0.0);
-            if let Some(origin) = seen_from {
-                let is_whole = band_limit(frequency, widest) == 1.0;
+            let seed = octave_seed(self.seed, octave);
+            if let Some(origin) = seen_from
+                && band_limit(frequency, widest) == 1.0
+            {
                 for first in (0..out.len()).step_by(lanes) {
-                    let mut left = zero;
-                    if !is_whole {
-                        left = band_limits(simd, load(simd, footprints, first) * frequency);
+                    for d in 0..D {
+                        let place = load(simd, &at[d], first) * frequency + origin[d];
+                        place.store_slice(&mut places[d][first..first + lanes]);
                     }
+                }
+                kernel.values(simd, seed, &places, out.len(), &mut noise);
+                for first in (0..out.len()).step_by(lanes) {
+                    let beyond_mean = self.shape.of_lanes(simd, load(simd, &noise, first)) - mean;
+                    let sum = load(simd, &sums, first) + (mean + beyond_mean) * amplitude;
+                    sum.store_slice(&mut sums[first..first + lanes]);
+                }
+            } else if let Some(origin) = seen_from {
+                for first in (0..out.len()).step_by(lanes) {
+                    let left = band_limits(simd, load(simd, footprints, first) * frequency);
                     let is_left = left.simd_gt(0.0);
                     let mut value = mean;
-                    if is_whole || is_left.any_true() {
+                    if is_left.any_true() {
                         let mut place = [mean; D];
                         for d in 0..D {
                             place[d] = load(simd, &at[d], first) * frequency + origin[d];
                         }
-                        let noise = kernel.value(simd, octave_seed(self.seed, octave), place);
-                        let mut beyond_mean = self.shape.of_lanes(simd, noise) - mean;
-                        if !is_whole {
-                            beyond_mean = is_left.select(left * beyond_mean, zero);
-                        }
-                        value = mean + beyond_mean;
+                        let noise = kernel.value(simd, seed, place);
+                        let beyond_mean = self.shape.of_lanes(simd, noise) - mean;
+                        value = mean + is_left.select(left * beyond_mean, zero);
                     }
                     let sum = load(simd, &sums, first) + value * amplitude;
                     sum.store_slice(&mut sums[first..first + lanes]);
@@ -178,8 +222,12 @@ pub(super) fn transpose<const D: usize>(
     count: usize,
     point: impl Fn(usize) -> [f32; D],
 ) {
-    for (i, p) in (0..count).map(point).enumerate() {
-        at.iter_mut().zip(p).for_each(|(at, x)| at[i] = x);
+    let count = count.min(BLOCK);
+    for i in 0..count {
+        let p = point(i);
+        for d in 0..D {
+            at[d][i] = p[d];
+        }
     }
     for at in at {
         let last = at[count - 1];
@@ -230,6 +278,15 @@ fn least_and_greatest(numbers: &[f32; BLOCK]) -> [f32; 2] {
 #[inline(always)]
 pub(super) fn load<S: Simd, const COUNT: usize>(simd: S, from: &[f32; COUNT], first: usize) -> S::f32s {
     S::f32s::from_slice(simd, &from[first..first + S::f32s::LEN])
+}
+
+#[inline(always)]
+fn load_place<S: Simd, const D: usize>(simd: S, at: &[[f32; BLOCK]; D], first: usize) -> [S::f32s; D] {
+    let mut place = [S::f32s::splat(simd, 0.0); D];
+    for d in 0..D {
+        place[d] = load(simd, &at[d], first);
+    }
+    place
 }
 
 /// [`band_limit`] of lengths in cells.
@@ -290,12 +347,20 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
     #[inline(always)]
     pub(super) fn shared(&self, simd: S, lane: usize) -> ([u32; D], <S::u32s as SimdBase<S>>::Mask) {
         let mut cell = [0; D];
-        let mut differs = S::u32s::splat(simd, 0);
         for (cell, cells) in cell.iter_mut().zip(self.cells) {
             *cell = cells.as_slice()[lane];
-            differs |= cells ^ S::u32s::splat(simd, *cell);
         }
-        (cell, differs.simd_eq(0))
+        (cell, self.in_cell(simd, cell))
+    }
+
+    /// The lanes that are in a cell.
+    #[inline(always)]
+    fn in_cell(&self, simd: S, cell: [u32; D]) -> <S::u32s as SimdBase<S>>::Mask {
+        let mut differs = S::u32s::splat(simd, 0);
+        for (cell, cells) in cell.into_iter().zip(self.cells) {
+            differs |= cells ^ S::u32s::splat(simd, cell);
+        }
+        differs.simd_eq(0)
     }
 }
 
@@ -303,31 +368,44 @@ impl<S: Simd, const D: usize> CellsAndOffsets<S, D> {
 
 /// [`Noise::value`](super::Noise::value). Texels that follow one another mostly lie in one cell or two of all but the finest octaves, and share their
 /// gradients.
-#[derive(Default)]
 pub(super) struct Gradients {
-    /// Of seeds and cells that were met last.
-    known: [KnownSlopes; 2],
-    /// Which is forgotten next.
-    oldest: usize,
+    /// Of seeds and cells that were met last, each in a place that follows from them.
+    known: [KnownSlopes; KNOWN_SLOPES],
 }
 
+/// Enough for all octaves of a recipe, few enough for the nearest cache.
+const KNOWN_SLOPES: usize = 64;
+
 impl Gradients {
+    /// Calls `then` with those that the thread has met last.
+    pub(super) fn with<R>(then: impl FnOnce(&mut Self) -> R) -> R {
+        thread_local! {
+            static KNOWN: Cell<Option<Box<Gradients>>> = const { Cell::new(None) };
+        }
+        let mut known =
+            KNOWN.take().unwrap_or_else(|| Box::new(Self { known: [KnownSlopes::default(); KNOWN_SLOPES] }));
+        let result = then(&mut known);
+        KNOWN.set(Some(known));
+        result
+    }
+
     /// The gradients at a cell's corners.
     #[inline(always)]
     fn slopes<S: Simd>(&mut self, simd: S, seed: u32, cell: [u32; 3]) -> &CornerSlopes {
-        let asked = Some((seed, cell));
-        let known = self.known.iter().position(|(known, _)| *known == asked);
-        let index = known.unwrap_or(self.oldest);
-        if known.is_none() {
-            self.known[index] = (asked, corner_slopes(simd, seed, cell));
-            self.oldest = 1 - index;
+        let [x, y, z] = cell;
+        let asked = Some([u64::from(seed) | u64::from(x) << 32, u64::from(y) | u64::from(z) << 32]);
+        // Neighbouring cells and successive octaves lie apart.
+        let mixed = x.wrapping_add(y.wrapping_mul(5)).wrapping_add(z.wrapping_mul(19)) ^ (seed >> 7);
+        let known = &mut self.known[mixed as usize % KNOWN_SLOPES];
+        if known.0 != asked {
+            *known = (asked, corner_slopes(simd, seed, cell));
         }
-        &self.known[index].1
+        &known.1
     }
 }
 
 /// A seed and a cell, and the gradients at its corners.
-type KnownSlopes = (Option<(u32, [u32; 3])>, CornerSlopes);
+type KnownSlopes = (Option<[u64; 2]>, CornerSlopes);
 
 /// Gradients at the corners of a cell by axis, x fastest; as many as whole vectors hold.
 type CornerSlopes = [[f32; CORNER_LANES]; 3];
@@ -372,6 +450,38 @@ fn corner_slopes<S: Simd>(simd: S, seed: u32, cell: [u32; 3]) -> CornerSlopes {
 }
 
 impl Kernel<3> for Gradients {
+    /// Where all places lie in one cell, its gradients are found once, and nothing else is asked of a vector.
+    #[inline(always)]
+    fn values<S: Simd>(
+        &mut self,
+        simd: S,
+        seed: u32,
+        at: &[[f32; BLOCK]; 3],
+        count: usize,
+        out: &mut [f32; BLOCK],
+    ) {
+        let lanes = S::f32s::LEN;
+        let first_place = CellsAndOffsets::<S, 3>::new(load_place(simd, at, 0));
+        let (cell, inside) = first_place.shared(simd, 0);
+        let mut is_one = inside.all_true();
+        for first in (lanes..count).step_by(lanes) {
+            let place = CellsAndOffsets::<S, 3>::new(load_place(simd, at, first));
+            is_one &= place.in_cell(simd, cell).all_true();
+        }
+        if !is_one {
+            for first in (0..count).step_by(lanes) {
+                let value = self.value(simd, seed, load_place(simd, at, first));
+                value.store_slice(&mut out[first..first + lanes]);
+            }
+            return;
+        }
+        let slopes = self.slopes(simd, seed, cell);
+        for first in (0..count).step_by(lanes) {
+            let place = CellsAndOffsets::<S, 3>::new(load_place(simd, at, first));
+            noise_in_cell(simd, slopes, place.offsets).store_slice(&mut out[first..first + lanes]);
+        }
+    }
+
     #[inline(always)]
     fn value<S: Simd>(&mut self, simd: S, seed: u32, at: [S::f32s; 3]) -> S::f32s {
         let place = CellsAndOffsets::<S, 3>::new(at);

@@ -430,7 +430,7 @@ impl FractalNoise {
         let at = |i: usize| points[i].to_array();
         let scattered = |value| Scattered { metric: self.metric, value, known: KnownPoints::default() };
         match self.family {
-            NoiseFamily::Perlin => self.sums(&mut Gradients::default(), at, footprints, out),
+            NoiseFamily::Perlin => Gradients::with(|known| self.sums(known, at, footprints, out)),
             NoiseFamily::Simplex => self.sums(&mut Simplices, at, footprints, out),
             NoiseFamily::Cellular => self.sums(&mut scattered(CellularValue::Nearest), at, footprints, out),
             NoiseFamily::CellularBorders => {

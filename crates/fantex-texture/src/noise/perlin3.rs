@@ -206,7 +206,7 @@ impl Noise {
         }
         let OctaveShape { mean, shape } = octave;
         let octaves = Octaves { seed: self.seed, fractal, mean, shape, origin: seen_origin };
-        octaves.sums(&mut Gradients::default(), |i| point(i).to_array(), footprint, out);
+        Gradients::with(|known| octaves.sums(known, |i| point(i).to_array(), footprint, out));
     }
 
     fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, octave: OctaveShape) -> f32 {

@@ -3,7 +3,7 @@
 use fantex_base::parameters;
 use glam::Vec3;
 
-use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque};
+use super::{BLOCK, Columns, Rock, Solid, SolidPoint, fbm, fractal_sum, in_blocks, opaque};
 use crate::noise::{Fractal, Noise, OctaveShape, band_limit, smoothstep};
 
 parameters! {
@@ -49,28 +49,30 @@ impl Landscape {
     }
 
     /// Colours of grass at a block of points.
-    fn grass(&self, at: &[SolidPoint]) -> Notes<Vec3> {
+    fn grass(&self, at: &Columns) -> [Vec3; BLOCK] {
         let meadows = fbm(&self.noise(), at, 4, 6.0, |_, p| p * 6.0);
         let tufts = fbm(&self.noise(), at, 4, 60.0, |_, p| p * 60.0);
-        let color = |(meadows, tufts): (f32, f32)| {
-            let color = LUSH_GRASS.lerp(DRY_GRASS, smoothstep(-0.35, 0.5, meadows + 0.25 * tufts));
-            color * (1.0 + 0.75 * tufts).max(0.25)
-        };
-        meadows.into_iter().zip(tufts).map(color).collect()
+        let mut grass = [Vec3::ZERO; BLOCK];
+        for i in at.numbers() {
+            let color = LUSH_GRASS.lerp(DRY_GRASS, smoothstep(-0.35, 0.5, meadows[i] + 0.25 * tufts[i]));
+            grass[i] = color * (1.0 + 0.75 * tufts[i]).max(0.25);
+        }
+        grass
     }
 
     /// Brightness of gravel at a block of points.
-    fn stones(&self, at: &[SolidPoint]) -> Notes<f32> {
-        let stones = fbm(&self.noise(), at, 3, 90.0, |_, p| p * 90.0);
-        stones.into_iter().map(|stones| (1.0 + 0.4 * stones).max(0.3)).collect()
+    fn stones(&self, at: &Columns) -> [f32; BLOCK] {
+        let mut stones = fbm(&self.noise(), at, 3, 90.0, |_, p| p * 90.0);
+        stones.iter_mut().for_each(|stones| *stones = (1.0 + 0.4 * *stones).max(0.3));
+        stones
     }
 
     /// The grain of the ground from nearby, -1 to 1 and mostly much less: blades, pebbles, cracks. Zero, and free, where footprints are
     /// wider than its coarsest cells.
-    fn grain(&self, at: &[SolidPoint]) -> [f32; BLOCK] {
+    fn grain(&self, at: &Columns) -> [f32; BLOCK] {
         let mut grain = [0.0; BLOCK];
-        let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at[i].footprint) > 0.0;
-        for_some(at, shows, |some, at| {
+        let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at.footprint[i]) > 0.0;
+        at.for_some(shows, |some, at| {
             let place = |_, p| p * GRAIN_FREQUENCY + 7.7;
             let sums = fractal_sum(OctaveShape::PLAIN, &self.noise(), at, GRAIN, GRAIN_FREQUENCY, place);
             some.iter().zip(sums).for_each(|(&i, sum)| grain[i] = sum.clamp(-1.0, 1.0));
@@ -78,79 +80,71 @@ impl Landscape {
         grain
     }
 
-    /// What grows and lies where, at a point with a noise that makes borders ragged.
-    fn cover(&self, at: &SolidPoint, ragged: f32) -> GroundCover {
-        let altitude = 0.5 + 0.5 * (at.p.y - self.middle) / self.half_height + 0.09 * ragged;
-        let flatness = at.n.y + 0.16 * ragged;
-        GroundCover {
-            scree: smoothstep(0.5, 0.68, altitude),
-            sand: 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude),
-            soil: smoothstep(0.55, 0.75, flatness),
-            snow: smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
-                * smoothstep(0.42, 0.6, flatness),
+    /// What grows and lies where, at points whose normals have these heights, with a noise that makes borders ragged.
+    fn cover(&self, at: &Columns, rise: &[f32; BLOCK], ragged: &[f32; BLOCK]) -> GroundCover {
+        let mut cover =
+            GroundCover { scree: [0.0; BLOCK], sand: [0.0; BLOCK], soil: [0.0; BLOCK], snow: [0.0; BLOCK] };
+        let [_, heights, _] = &at.coordinates;
+        for i in at.numbers() {
+            let altitude = 0.5 + 0.5 * (heights[i] - self.middle) / self.half_height + 0.09 * ragged[i];
+            let flatness = rise[i] + 0.16 * ragged[i];
+            cover.scree[i] = smoothstep(0.5, 0.68, altitude);
+            cover.sand[i] = 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude);
+            cover.soil[i] = smoothstep(0.55, 0.75, flatness);
+            cover.snow[i] = smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
+                * smoothstep(0.42, 0.6, flatness);
         }
+        cover
     }
 
     fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let mut rise = [0.0; BLOCK];
+        rise.iter_mut().zip(at).for_each(|(rise, at)| *rise = at.n.y);
+        let at = &Columns::of(at);
         let ragged = fbm(&self.noise(), at, 5, 8.0, |_, p| p * 8.0 + 3.0);
-        let covers: Notes<GroundCover> =
-            at.iter().zip(&ragged).map(|(at, &ragged)| self.cover(at, ragged)).collect();
-        let mut bare = [[0.0; 4]; BLOCK];
-        for_some(
-            at,
-            |i| covers[i].soil < 1.0,
+        let GroundCover { scree, sand, soil, snow } = self.cover(at, &rise, &ragged);
+        let mut bare = [Vec3::ZERO; BLOCK];
+        at.for_some(
+            |i| soil[i] < 1.0,
             |some, at| {
-                let mut rock = [[0.0; 4]; BLOCK];
-                self.rock().colors(at, &mut rock[..at.len()]);
-                some.iter().zip(rock).for_each(|(&i, rock)| bare[i] = rock);
+                some.iter().zip(self.rock().strata(at)).for_each(|(&i, rock)| bare[i] = rock);
             },
         );
         let mut grass = [Vec3::ZERO; BLOCK];
-        for_some(
-            at,
-            |i| covers[i].soil > 0.0 && covers[i].scree < 1.0,
+        at.for_some(
+            |i| soil[i] > 0.0 && scree[i] < 1.0,
             |some, at| {
                 some.iter().zip(self.grass(at)).for_each(|(&i, color)| grass[i] = color);
             },
         );
         let mut stones = [0.0; BLOCK];
-        let has_stones = |i: usize| covers[i].soil > 0.0 && (covers[i].scree > 0.0 || covers[i].sand > 0.0);
-        for_some(at, has_stones, |some, at| {
+        let has_stones = |i: usize| soil[i] > 0.0 && (scree[i] > 0.0 || sand[i] > 0.0);
+        at.for_some(has_stones, |some, at| {
             some.iter().zip(self.stones(at)).for_each(|(&i, brightness)| stones[i] = brightness);
         });
         let grain = self.grain(at);
-        for (i, (at, color)) in at.iter().zip(colors).enumerate() {
+        for (i, color) in at.numbers().zip(colors) {
             let grained = |share: f32| 1.0 + share * grain[i];
             // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top.
-            let GroundCover { scree, sand, soil, snow } = covers[i];
             let scattered = stones[i] * grained(0.6);
             let ground = (grass[i] * grained(0.7))
-                .lerp(SCREE * scattered, scree)
-                .lerp(SAND * stones[i] * grained(0.25), sand);
-            let mixed = (Vec3::from_slice(&bare[i][..3]) * grained(0.45))
-                .lerp(ground, soil)
-                .lerp(SNOW * (1.0 + 0.05 * ragged[i]) * grained(0.06), snow);
+                .lerp(SCREE * scattered, scree[i])
+                .lerp(SAND * stones[i] * grained(0.25), sand[i]);
+            let mixed = (bare[i] * grained(0.45))
+                .lerp(ground, soil[i])
+                .lerp(SNOW * (1.0 + 0.05 * ragged[i]) * grained(0.06), snow[i]);
             // Ceilings are damp.
-            *color = opaque(mixed * (1.0 - 0.45 * smoothstep(0.1, 0.7, -at.n.y)));
+            *color = opaque(mixed * (1.0 - 0.45 * smoothstep(0.1, 0.7, -rise[i])));
         }
     }
 }
 
-/// Shares of what covers the ground, 0 to 1.
+/// Shares of what covers the ground, 0 to 1, of a block of points.
 struct GroundCover {
-    scree: f32,
-    sand: f32,
-    soil: f32,
-    snow: f32,
-}
-
-/// Calls `then` with the numbers of the points that are `wanted` and with these points, if there are any.
-fn for_some(at: &[SolidPoint], wanted: impl Fn(usize) -> bool, then: impl FnOnce(&[usize], &[SolidPoint])) {
-    let some: Notes<usize> = (0..at.len()).filter(|&i| wanted(i)).collect();
-    if !some.is_empty() {
-        let points: Notes<SolidPoint> = some.iter().map(|&i| at[i]).collect();
-        then(&some, &points);
-    }
+    scree: [f32; BLOCK],
+    sand: [f32; BLOCK],
+    soil: [f32; BLOCK],
+    snow: [f32; BLOCK],
 }
 
 impl Solid for Landscape {

@@ -104,6 +104,62 @@ const BLOCK: usize = 64;
 /// What recipes note about a block of points.
 type Notes<T> = ArrayVec<T, BLOCK>;
 
+/// A block of points, coordinate by coordinate, as vectors take them.
+struct Columns {
+    count: usize,
+    coordinates: [[f32; BLOCK]; 3],
+    footprint: [f32; BLOCK],
+}
+
+impl Columns {
+    /// Those of up to [`BLOCK`] points.
+    fn of(at: &[SolidPoint]) -> Self {
+        let mut columns =
+            Self { count: at.len().min(BLOCK), coordinates: [[0.0; BLOCK]; 3], footprint: [0.0; BLOCK] };
+        for (i, at) in at.iter().take(BLOCK).enumerate() {
+            columns.set(i, at.p, at.footprint);
+        }
+        columns
+    }
+
+    #[inline]
+    fn set(&mut self, i: usize, p: Vec3, footprint: f32) {
+        let [x, y, z] = &mut self.coordinates;
+        (x[i], y[i], z[i]) = (p.x, p.y, p.z);
+        self.footprint[i] = footprint;
+    }
+
+    /// The numbers of the points.
+    #[inline]
+    fn numbers(&self) -> std::ops::Range<usize> {
+        // What the compiler knows of them spares checks.
+        0..self.count.min(BLOCK)
+    }
+
+    /// A point.
+    #[inline]
+    fn p(&self, i: usize) -> Vec3 {
+        let [x, y, z] = &self.coordinates;
+        Vec3::new(x[i], y[i], z[i])
+    }
+
+    /// Calls `then` with the numbers of the points that are `wanted` and with these points, if there are any.
+    fn for_some(&self, wanted: impl Fn(usize) -> bool, then: impl FnOnce(&[usize], &Self)) {
+        let mut some = [0; BLOCK];
+        let mut points = Self { count: 0, coordinates: [[0.0; BLOCK]; 3], footprint: [0.0; BLOCK] };
+        for i in self.numbers().filter(|&i| wanted(i)) {
+            some[points.count] = i;
+            points.set(points.count, self.p(i), self.footprint[i]);
+            points.count += 1;
+        }
+        match points.count {
+            0 => {}
+            count if count == self.count => then(&some[..count], self),
+            count => then(&some[..count], &points),
+        }
+    }
+}
+
 /// A recipe scaled to a model.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed<S> {
@@ -126,7 +182,8 @@ impl<S> Placed<S> {
 impl<S: Solid> Solid for Placed<S> {
     fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         in_blocks(at, colors, |at, colors| {
-            let inside: Notes<SolidPoint> = at.iter().map(|at| self.inside(at)).collect();
+            let mut inside = Notes::<SolidPoint>::new();
+            inside.extend(at.iter().map(|at| self.inside(at)));
             self.solid.colors(&inside, colors);
         });
     }
@@ -211,21 +268,22 @@ impl<S: Solid> Texture for SolidTexture<S> {
                 footprint: at.width(),
                 time: at.time,
             };
-            let points: Notes<SolidPoint> = at.iter().map(point).collect();
+            let mut points = Notes::<SolidPoint>::new();
+            points.extend(at.iter().map(point));
             self.0.colors(&points, bytemuck::cast_slice_mut(values));
         }
     }
 }
 
 /// Fractal Brownian motion of a block of points, each scaled and shifted by `place`; `frequency` is how much that shortens
-/// lengths.
+/// lengths. Beyond the last point it is 0.
 fn fbm(
     noise: &Noise,
-    at: &[SolidPoint],
+    at: &Columns,
     octaves: u32,
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
-) -> Notes<f32> {
+) -> [f32; BLOCK] {
     fractal_sum(OctaveShape::PLAIN, noise, at, Fractal::octaves(octaves), frequency, place)
 }
 
@@ -233,25 +291,22 @@ fn fbm(
 fn fractal_sum(
     octave: OctaveShape,
     noise: &Noise,
-    at: &[SolidPoint],
+    at: &Columns,
     octaves: Fractal,
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
-) -> Notes<f32> {
-    let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    noise.sums_of(octave, octaves, |i| place(i, at[i].p), |i| frequency * at[i].footprint, &mut sums);
+) -> [f32; BLOCK] {
+    let mut sums = [0.0; BLOCK];
+    let out = &mut sums[at.numbers()];
+    noise.sums_of(octave, octaves, |i| place(i, at.p(i)), |i| frequency * at.footprint[i], out);
     sums
 }
 
-/// One octave at a block of points, each scaled and shifted by `place`.
-fn values(noise: &Noise, at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<f32> {
-    let mut values: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    noise.values_of(|i| place(i, at[i].p), &mut values);
+/// One octave at a block of points, each scaled and shifted by `place`. Beyond the last point it is 0.
+fn values(noise: &Noise, at: &Columns, place: impl Fn(usize, Vec3) -> Vec3) -> [f32; BLOCK] {
+    let mut values = [0.0; BLOCK];
+    noise.values_of(|i| place(i, at.p(i)), &mut values[at.numbers()]);
     values
-}
-
-fn places(at: &[SolidPoint], place: impl Fn(usize, Vec3) -> Vec3) -> Notes<Vec3> {
-    at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect()
 }
 
 /// `x.rem_euclid(PERIOD)` of a period that is a power of two, without a call of the library where `x` is not large.

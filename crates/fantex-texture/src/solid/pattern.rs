@@ -3,7 +3,7 @@
 use fantex_base::parameters;
 use glam::{IVec3, Vec3, Vec4};
 
-use super::{Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque, remainder};
+use super::{Columns, Notes, Recipe, Solid, SolidPoint, fbm, in_blocks, opaque, remainder};
 use crate::coordinates::NormalAxes;
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
 use crate::{Allowed, Color, PositiveList3};
@@ -150,7 +150,7 @@ impl Brick {
             at.iter().zip(colors).for_each(|(at, color)| *color = opaque(Vec3::splat(self.height(at))));
             return;
         }
-        let grain = fbm(&self.noise(), at, 3, 60.0, |_, p| p * 60.0);
+        let grain = fbm(&self.noise(), &Columns::of(at), 3, 60.0, |_, p| p * 60.0);
         for ((at, grain), color) in at.iter().zip(grain).zip(colors) {
             let cell = self.in_bricks(at.p).floor().as_ivec3();
             // Bricks that are smaller than the footprint have their mean colour.
@@ -242,7 +242,7 @@ impl CloudField {
 
     fn densities(&self, at: &[SolidPoint]) -> Notes<f32> {
         let Clouds { size, cover, softness, speed, .. } = self.clouds;
-        let swirl = fbm(&self.swirl, at, 2, 1.3 / size, |_, p| p / size * 1.3);
+        let swirl = fbm(&self.swirl, &Columns::of(at), 2, 1.3 / size, |_, p| p / size * 1.3);
         let places: Notes<Vec4> = at
             .iter()
             .zip(swirl)
