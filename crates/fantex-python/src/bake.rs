@@ -321,6 +321,7 @@ struct Settings {
     density: Option<f64>,
     match_source: bool,
     tile: Option<u32>,
+    hard_edges: Option<f32>,
     longest_edge: Option<LongestEdge>,
     format: BakeFormat,
     fit: Fit,
@@ -351,6 +352,7 @@ impl Settings {
             density: optional(options, "density")?,
             match_source: optional(options, "match")?.unwrap_or(false),
             tile: optional(options, "tile")?,
+            hard_edges: optional(options, "hard_edges")?,
             longest_edge: longest_edge(options)?,
             format: choice(options, "format", &formats)?,
             fit: choice(options, "fit", &fits)?,
@@ -381,6 +383,9 @@ impl Settings {
         }
         if let Some(tile) = self.tile {
             baker = baker.tile(tile);
+        }
+        if let Some(degrees) = self.hard_edges {
+            baker = baker.hard_edges(degrees);
         }
         if self.match_source { baker.matching() } else { baker }
     }
