@@ -230,7 +230,7 @@ fn hard_edges_are_cut_and_counted() {
     let continuity = &json(&[&"verify", &asset])["continuity"];
     assert_eq!((&continuity["hard_edges"], &continuity["edges"]), (&12.into(), &6.into()));
     let jump = continuity["largest_hard_jump"].as_f64().unwrap();
-    assert!(jump > 0.0 && jump < 0.2, "{jump}");
+    assert!(jump > 0.0 && jump < 0.5, "{jump}");
     let verified = text("verify");
     let line = |label: &str| verified.lines().find(|line| line.contains(label)).unwrap().to_owned();
     assert!(line("hard edges, as asked").ends_with(" 12") && line("largest jump there").contains("no bound"));
