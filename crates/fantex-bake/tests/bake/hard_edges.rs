@@ -129,6 +129,19 @@ fn a_smooth_surface_stays_as_it_is() {
     }
 }
 
+/// Baked light is cut at creases, which of a cube are its hard edges.
+#[test]
+fn creases_and_hard_edges_are_cut_once() {
+    let mesh = cleaned(generate::cube(3));
+    let options =
+        CoverOptions { budget: TexelBudget::Total(20_000), cut_creases: true, ..CoverOptions::default() };
+    let creased = build_cover(&mesh, &options).unwrap().0;
+    let both = build_cover(&mesh, &CoverOptions { hard_edges: Some(60.0), ..options }).unwrap().0;
+    assert_eq!(verified(&waves(&mesh, &both, 12.0)).continuity.exempt.hard, 36);
+    assert_eq!(verified(&waves(&mesh, &creased, 12.0)).continuity.exempt.crease, 36);
+    assert!(Cover { hard_edges: None, ..both } == creased);
+}
+
 /// Where a hard edge ends within a smooth part, whatever is hard around it, the others stay continuous.
 #[test]
 fn all_other_edges_are_continuous_at_any_angle() {
