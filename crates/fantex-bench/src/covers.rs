@@ -68,7 +68,7 @@ fn measured(name: &str, model: Model, texels: u64) -> Measured {
     let (mesh, _) = clean(model, &CleanOptions::default())?;
     let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
     let started = Instant::now();
-    let cut = LongestEdge::Automatic.refined(&mesh, &options.budget, options.tile);
+    let cut = LongestEdge::Automatic.refined(&mesh, &options);
     let (_, stats) = build_cover(&cut, &options)?;
     // With the search for the length at which large triangles are cut.
     let all_seconds = started.elapsed().as_secs_f64();

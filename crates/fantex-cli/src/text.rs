@@ -10,6 +10,7 @@ use fantex::Error;
 use fantex::base::numbered;
 use fantex::base::text::{LETTERS, parse_number};
 use fantex::cover::CoverStats;
+use fantex::mesh::check_hard_edges;
 use serde::{Serialize, Serializer};
 
 /// A path in a result. JSON is UTF-8, and names of files need not be: what is none stands there as U+FFFD, as in messages.
@@ -73,6 +74,11 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
 /// A number from 0 to 1, for argument parsing.
 pub(crate) fn share(text: &str) -> Result<f32, String> {
     within(text, "expected a number from 0 to 1", |n: f32| (0.0..=1.0).contains(&n))
+}
+
+/// An angle between two normals, for argument parsing.
+pub(crate) fn bend(text: &str) -> Result<f32, String> {
+    within(text, "expected an angle of 0 to 180 degrees", |degrees| check_hard_edges(degrees).is_ok())
 }
 
 /// A whole number, for argument parsing.

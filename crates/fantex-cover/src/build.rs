@@ -3,8 +3,11 @@
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
-use fantex_mesh::{FanCorner, Fans, MAX_FAN_TRIANGLES, Mesh, VertexCorners, is_crease, shading_normals};
-use glam::Vec2;
+use fantex_mesh::{
+    FanCorner, Fans, HardEdges, MAX_FAN_TRIANGLES, Mesh, VertexCorners, check_hard_edges, is_crease,
+    shading_normals,
+};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::cost::Region;
@@ -42,6 +45,9 @@ pub struct CoverOptions {
     pub facing: f32,
     /// End fans at [creases](is_crease), so that no texel mixes both sides: for what jumps there as light does.
     pub cut_creases: bool,
+    /// End fans at [hard edges](HardEdges), too, from so many degrees between the normals of their triangles on, 0 to 180: no tile lies across
+    /// one, and the texture function may jump there. (Where a single one ends within a smooth part it stays continuous at that end.)
+    pub hard_edges: Option<f32>,
 }
 
 impl Default for CoverOptions {
@@ -53,6 +59,7 @@ impl Default for CoverOptions {
             delta: 1.0 / 16.0,
             facing: 0.25,
             cut_creases: false,
+            hard_edges: None,
         }
     }
 }
@@ -88,7 +95,7 @@ pub fn build_cover_while(
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let fans = Fans::by_angle(mesh, &vertex_corners);
     drop(vertex_corners);
-    let (fans, creases) = if options.cut_creases { cut_at_creases(mesh, &fans) } else { (fans, Vec::new()) };
+    let (fans, creases) = cut_at_creases(mesh, fans, options);
     let mut surface = Surface::new(mesh, fans);
     surface.creases = creases;
     let count = surface.fans.len();
@@ -134,20 +141,32 @@ pub fn build_cover_while(
             }
         }
     };
-    cover.is_creased = options.cut_creases;
+    (cover.is_creased, cover.hard_edges) = (options.cut_creases, options.hard_edges);
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
     watch.end()?;
     Ok((cover, stats))
 }
 
-/// The fans, cut at creases; and of every edge that was cut the corners of both triangles at its ends, `[[own, own], [other, other]]`.
-fn cut_at_creases(mesh: &Mesh, fans: &Fans) -> (Fans, Vec<[[u32; 2]; 2]>) {
-    let normals = shading_normals(mesh);
+/// The fans, cut at the creases and hard edges that the options name; and of every edge that was cut the corners of both triangles at its
+/// ends, `[[own, own], [other, other]]`.
+fn cut_at_creases(mesh: &Mesh, fans: Fans, options: &CoverOptions) -> (Fans, Vec<[[u32; 2]; 2]>) {
+    let normals = options.cut_creases.then(|| shading_normals(mesh));
+    let hard = options.hard_edges.map(|degrees| HardEdges::of(mesh, degrees));
     let is_cut = |before: FanCorner, after: FanCorner| {
-        is_crease(&normals, before.corner() as usize, after.corner() as usize)
+        let is_crease =
+            |normals: &Vec<Vec3>| is_crease(normals, before.corner() as usize, after.corner() as usize);
+        let is_hard = |hard: &HardEdges<'_>| {
+            let triangle = mesh.triangles[before.triangle()];
+            let [center, _, ring] = before.slots().map(|k| triangle[k]);
+            hard.is_hard([before, after].map(|corner| corner.triangle() as u32), [center, ring])
+        };
+        normals.as_ref().is_some_and(is_crease) || hard.as_ref().is_some_and(is_hard)
     };
     let mut creases = Vec::new();
+    if normals.is_none() && hard.is_none() {
+        return (fans, creases);
+    }
     for fan in 0..fans.len() {
         let corners = fans.corners(fan);
         let count = corners.len() - usize::from(!fans.is_closed(fan));
@@ -161,7 +180,8 @@ fn cut_at_creases(mesh: &Mesh, fans: &Fans) -> (Fans, Vec<[[u32; 2]; 2]>) {
             }
         }
     }
-    (fans.cut(is_cut), creases)
+    let fans = if creases.is_empty() { fans } else { fans.cut(is_cut) };
+    (fans, creases)
 }
 
 fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
@@ -180,6 +200,7 @@ fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
             "the blend band must be wider than 0 and at most 1/3, got {given}"
         )));
     }
+    options.hard_edges.map_or(Ok(()), check_hard_edges)?;
     options.budget.check(triangles)
 }
 
@@ -404,7 +425,8 @@ fn assemble(
         .map(|t| surface.fans.of_triangle(t).map(|fan| grouping.fan_groups[fan as usize]))
         .collect();
     let is_paired_by_angle = surface.fans.has_links_by_angle();
-    Ok(Cover { delta, density, is_creased: false, is_paired_by_angle, corner_groups, groups, unfolded })
+    let (is_creased, hard_edges) = (false, None);
+    Ok(Cover { delta, density, is_creased, hard_edges, is_paired_by_angle, corner_groups, groups, unfolded })
 }
 
 /// The corners of an unfolded group in [whole steps](UnfoldedCorner::steps), which pack well, unless that turns a triangle over or makes it a line.

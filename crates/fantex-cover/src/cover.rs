@@ -59,6 +59,8 @@ pub struct Cover {
     pub density: f32,
     /// Fans end at [creases](fantex_mesh::is_crease), where the texture function jumps: for light, which does.
     pub is_creased: bool,
+    /// Fans end at [hard edges](fantex_mesh::HardEdges) from so many degrees on, where the texture function may jump, as was asked for.
+    pub hard_edges: Option<f32>,
     /// Where more than two triangles meet at an edge, the texture function is continuous between those that continue each other
     /// [by angle](fantex_mesh::continued_by_angle); else only where their vertices tell.
     pub is_paired_by_angle: bool,

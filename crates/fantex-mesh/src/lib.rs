@@ -19,6 +19,7 @@ mod fans;
 #[cfg(not(target_arch = "wasm32"))]
 mod fronts;
 pub mod generate;
+mod hard_edges;
 mod load;
 mod material;
 mod mesh;
@@ -36,6 +37,7 @@ pub use angle::*;
 pub use clean::*;
 pub use displace::*;
 pub use fans::*;
+pub use hard_edges::*;
 pub use load::*;
 pub use material::*;
 pub use mesh::*;

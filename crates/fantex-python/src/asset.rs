@@ -157,6 +157,7 @@ impl Asset {
         figures.set_item("texels", texels)?;
         figures.set_item("tiles", cover.groups.len())?;
         figures.set_item("levels", self.asset.level_count())?;
+        figures.set_item("hard_edges", cover.hard_edges)?;
         figures.set_item("bytes", self.asset.file_bytes())?;
         figures.set_item("preview_bytes", preview)?;
         figures.set_item("channels", channels)?;
@@ -378,6 +379,8 @@ impl Asset {
         dict.set_item("bound", JUMP_BOUND)?;
         dict.set_item("edges", report.continuity.edges)?;
         dict.set_item("exempt_edges", report.continuity.exempt_edges)?;
+        dict.set_item("hard_edges", report.continuity.exempt.hard)?;
+        dict.set_item("largest_hard_jump", report.continuity.largest_hard_jump)?;
         dict.set_item("needless_splits", report.continuity.needless_splits)?;
         dict.set_item("levels", report.levels)?;
         dict.set_item("damaged_tiles", report.damaged_tiles)?;

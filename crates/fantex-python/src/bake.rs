@@ -323,6 +323,7 @@ struct Settings {
     density: Option<f64>,
     match_source: bool,
     tile: Option<u32>,
+    hard_edges: Option<f32>,
     longest_edge: Option<LongestEdge>,
     format: BakeFormat,
     fit: Fit,
@@ -353,6 +354,7 @@ impl Settings {
             density: optional(options, "density")?,
             match_source: optional(options, "match")?.unwrap_or(false),
             tile: optional(options, "tile")?,
+            hard_edges: optional(options, "hard_edges")?,
             longest_edge: longest_edge(options)?,
             format: choice(options, "format", &formats)?,
             fit: choice(options, "fit", &fits)?,
@@ -383,6 +385,9 @@ impl Settings {
         }
         if let Some(tile) = self.tile {
             baker = baker.tile(tile);
+        }
+        if let Some(degrees) = self.hard_edges {
+            baker = baker.hard_edges(degrees);
         }
         if self.match_source { baker.matching() } else { baker }
     }

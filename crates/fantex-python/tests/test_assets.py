@@ -102,6 +102,25 @@ def test_large_triangles_are_cut_for_functions_that_ask_for_it(tmp_path):
     assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "cut.fan").read_bytes()
 
 
+def test_textures_are_cut_at_hard_edges_where_that_is_asked_for(tmp_path):
+    corners = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    cube = corners, [face for a, b, c, d in sides for face in ([a, b, c], [a, c, d])]
+    settings = {"texels": 2e4, "source": fantex.solid("marble"), "longest_edge": 0}
+    whole = fantex.bake(cube, tmp_path / "whole.fan", **settings)
+    assert whole.info["hard_edges"] is None and whole.verify()["hard_edges"] == 0
+    cut = fantex.bake(cube, tmp_path / "cut.fan", hard_edges=60, **settings)
+    report = cut.verify()
+    assert cut.info["hard_edges"] == 60 and report["ok"] and report["hard_edges"] == 12
+    assert 0 < report["largest_hard_jump"] < 0.5 and report["largest_jump"] < 1e-6
+    plan = fantex.plan(cube, tmp_path / "a.plan", hard_edges=60, **settings)
+    fantex.bake_part(plan, (1, 1), tmp_path / "1.part", mesh=cube)
+    fantex.merge(plan, [tmp_path / "1.part"], tmp_path / "merged.fan")
+    assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "cut.fan").read_bytes()
+    with pytest.raises(ValueError, match="an angle of 0 to 180 degrees between the normals"):
+        fantex.bake(cube, tmp_path / "b.fan", hard_edges=200, **settings)
+
+
 def test_the_light_of_a_model_does_not_cover_a_function(tmp_path, bottle):
     """A factor that scales a texture of emission says nothing without it."""
     black = lambda points, normals: np.zeros_like(points)

@@ -2,6 +2,7 @@
 
 use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
+use fantex_mesh::check_hard_edges;
 use glam::{Vec2, Vec3};
 
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
@@ -18,6 +19,7 @@ pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {
         "0 < delta <= 1/3",
     )?;
     parameter("density", cover.density, cover.density > 0.0 && cover.density.is_finite(), "density > 0")?;
+    cover.hard_edges.map_or(Ok(()), check_hard_edges)?;
     check_groups(cover, triangles)?;
     check_unfolded(cover)
 }
@@ -178,6 +180,8 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: &[[u32; 3]]) -> Result<Cover>
         delta,
         density,
         is_creased: marks & CREASED != 0,
+        // The header says it.
+        hard_edges: None,
         is_paired_by_angle: marks & PAIRED_BY_ANGLE != 0,
         corner_groups,
         groups: kinds

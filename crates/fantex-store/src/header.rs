@@ -17,6 +17,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use fantex_base::{Error, Result, input, zstandard};
+use fantex_mesh::check_hard_edges;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::ByteSource;
@@ -56,7 +57,7 @@ impl SectionRecord {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Slot {
     pub(crate) version: u32,
     /// Features that a reader must know: [`FLAG_PLAN`].
@@ -67,13 +68,15 @@ pub(crate) struct Slot {
     pub(crate) sections: [SectionRecord; 4],
     /// The list of attachments; of stored length 0 where there are none. Readers of texels need not know it.
     pub(crate) attachments: SectionRecord,
+    /// See [`Cover::hard_edges`](fantex_cover::Cover::hard_edges). Readers of texels need not know it.
+    pub(crate) hard_edges: Option<f32>,
 }
 
 impl Slot {
     /// Of a generation that names nothing yet.
     pub(crate) fn new(generation: u64) -> Self {
-        let (sections, attachments) = Default::default();
-        Self { version: VERSION, flags: 0, generation, file_length: 0, sections, attachments }
+        let (sections, attachments, hard_edges) = Default::default();
+        Self { version: VERSION, flags: 0, generation, file_length: 0, sections, attachments, hard_edges }
     }
 
     pub(crate) fn encode(&self) -> [u8; SLOT_BYTES] {
@@ -86,6 +89,10 @@ impl Slot {
         for section in self.sections.iter().chain([&self.attachments]) {
             let SectionRecord { offset, stored_length, raw_length, checksum } = *section;
             [offset, stored_length, raw_length, checksum].into_iter().for_each(|x| out.u64(x));
+        }
+        if let Some(degrees) = self.hard_edges {
+            out.u32(1);
+            out.f32s(&[degrees]);
         }
         out.bytes.resize(SLOT_BYTES - 8, 0);
         out.u64(xxh3_64(&out.bytes));
@@ -115,7 +122,7 @@ impl Slot {
             raw_length: u64_at(48 + 32 * i),
             checksum: u64_at(56 + 32 * i),
         };
-        let words = u64_at(8);
+        let (words, hard) = (u64_at(8), u64_at(192));
         Some(Self {
             version: words as u32,
             flags: (words >> 32) as u32,
@@ -123,6 +130,7 @@ impl Slot {
             file_length: u64_at(24),
             sections: std::array::from_fn(record),
             attachments: record(4),
+            hard_edges: (hard as u32 == 1).then_some(f32::from_bits((hard >> 32) as u32)),
         })
     }
 }
@@ -188,6 +196,9 @@ pub(crate) fn read_any_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
     if slot.version != VERSION || !KNOWN_FLAGS.contains(&slot.flags) {
         let (version, flags, supported) = (slot.version, slot.flags, VERSION);
         return Err(Error::unsupported(format!("{} has format version {version}, flags {flags:#x}; this program reads version {supported}, flags 0: use a newer program", path.display())).with_path(path));
+    }
+    if let Some(Err(wrong)) = slot.hard_edges.map(check_hard_edges) {
+        return Err(damaged(path, format!("its header is wrong: {wrong}")));
     }
     let length = source.length().map_err(|error| Error::reading(source.location(), error))?;
     if length < slot.file_length {
@@ -341,6 +352,7 @@ mod tests {
             file_length: 6,
             sections: [record; 4],
             attachments: record,
+            hard_edges: Some(60.0),
         };
         let bytes = slot.encode();
         assert_eq!(Slot::decode(&bytes), Some(slot));

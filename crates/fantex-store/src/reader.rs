@@ -102,6 +102,7 @@ impl Asset {
         let channels = channel::decode_channels(&sections.unpack(0)?).map_err(content(0))?;
         let mesh = mesh_section::decode(&sections.unpack(2)?).map_err(content(2))?;
         let cover = cover_section::decode(&sections.unpack(1)?, &mesh.triangles).map_err(content(1))?;
+        let cover = Cover { hard_edges: slot.hard_edges, ..cover };
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
         let expected = directory::Expected { cover: &cover, formats: &formats, places: slot.places() };
         let directory = directory::decode(&sections.unpack(3)?, &expected).map_err(content(3))?;

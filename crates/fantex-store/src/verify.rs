@@ -22,12 +22,14 @@ use std::sync::Arc;
 
 use fantex_base::Result;
 use fantex_cover::{TriangleTiles, level_count};
-use fantex_mesh::{Edges, Mesh, is_crease, shading_normals};
+use fantex_mesh::{Edges, HardEdges, Mesh, is_crease, shading_normals};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::verify_texels::check_texels;
-use crate::{Asset, ClusterId, PageCache, TexelReport, Tile, TileId, TileSource, TileTexels};
+use crate::{
+    Asset, Channel, ChannelKind, ClusterId, PageCache, TexelReport, Tile, TileId, TileSource, TileTexels,
+};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
@@ -231,6 +233,9 @@ pub struct Continuity {
     pub samples: u64,
     /// Edges left out: the sum of `exempt`.
     pub exempt_edges: u64,
+    /// Largest difference across the [hard edges](ExemptEdges::hard) at the finest level, which no bound is for. Of normals and directions,
+    /// which tiles store in frames of their own, nothing is said.
+    pub largest_hard_jump: f32,
     /// Why.
     pub exempt: ExemptEdges,
     /// Edges whose two triangles name different groups at an end: a fault of the cover, as every fan can be laid flat. They are
@@ -249,6 +254,8 @@ pub struct ExemptEdges {
     pub rim: u64,
     /// The edge is a crease of a cover whose fans end there.
     pub crease: u64,
+    /// The edge is [hard](fantex_mesh::HardEdges), and fans were asked to end there.
+    pub hard: u64,
 }
 
 /// Which level of each tile was read.
@@ -282,14 +289,21 @@ const MIXTURES: u32 = 2;
 const MIN_POINTS: f32 = 5.0;
 const MAX_POINTS: f32 = 17.0;
 
-/// An edge of two triangles that belong to the same groups at both ends.
+/// An edge of two triangles.
 #[derive(Clone, Copy)]
 struct Edge {
     triangles: [u32; 2],
     /// Slots (0..3) of the edge's two vertices, per triangle.
     slots: [[u8; 2]; 2],
-    /// Groups at the two vertices.
-    groups: [u32; 2],
+    /// Groups at the two vertices, per triangle.
+    groups: [[u32; 2]; 2],
+}
+
+impl Edge {
+    /// Whether both triangles belong to the same groups.
+    fn is_whole(&self) -> bool {
+        self.groups[0] == self.groups[1]
+    }
 }
 
 fn certify(cache: &PageCache) -> Continuity {
@@ -308,21 +322,24 @@ fn certify(cache: &PageCache) -> Continuity {
         .collect();
     for part in parts {
         total.samples += part.samples;
+        total.largest_hard_jump = total.largest_hard_jump.max(part.largest_hard_jump);
         if part.largest_jump > total.largest_jump {
             (total.largest_jump, total.worst) = (part.largest_jump, part.worst);
         }
     }
-    total.edges = edges.len() as u64;
-    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim + total.exempt.crease;
+    let ExemptEdges { non_manifold, rim, crease, hard } = total.exempt;
+    total.edges = edges.len() as u64 - hard;
+    total.exempt_edges = non_manifold + rim + crease + hard;
     total.levels = asset.level_count() + MIXTURES;
     total
 }
 
-/// All edges of the mesh that can be compared; counts the others.
+/// All edges of the mesh that can be compared, hard ones among them; counts the others and the hard ones.
 fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let mut edges = Vec::new();
     let normals = if cover.is_creased { shading_normals(mesh) } else { Vec::new() };
+    let hard_edges = cover.hard_edges.map(|degrees| HardEdges::of(mesh, degrees));
     for edge in Edges::of(&mesh.triangles).iter() {
         if edge.triangle_count() == 1 {
             counts.boundary_edges += 1;
@@ -343,8 +360,13 @@ fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
             let groups = [0, 1].map(|side| {
                 slots[side].map(|slot| cover.corner_groups[triangles[side] as usize][usize::from(slot)])
             });
-            if groups[0] == groups[1] {
-                edges.push(Edge { triangles, slots, groups: groups[0] });
+            let edge = Edge { triangles, slots, groups };
+            let is_hard = || hard_edges.as_ref().is_some_and(|hard| hard.is_hard(triangles, vertices));
+            if edge.is_whole() {
+                edges.push(edge);
+            } else if is_hard() {
+                counts.exempt.hard += 1;
+                edges.push(edge);
             } else {
                 let corner =
                     |side: usize, k: usize| 3 * triangles[side] as usize + usize::from(slots[side][k]);
@@ -379,31 +401,28 @@ impl<'a> Comparison<'a> {
     fn compare(&mut self, edge: &Edge) {
         let (mesh, cover) = (self.asset.mesh(), self.asset.cover());
         let corners = edge.triangles.map(|triangle| cover.triangle_tiles(mesh, triangle));
-        let levels = edge.groups.map(|g| level_count(self.extent(g))).into_iter().max().unwrap_or(1);
+        if !edge.is_whole() {
+            return self.measure_hard(edge, &corners);
+        }
+        let groups = edge.groups[0];
+        let levels = groups.map(|g| level_count(self.extent(g))).into_iter().max().unwrap_or(1);
         for level in 0..levels {
             self.compare_at(edge, &corners, LevelChoice::Same(level));
         }
         for choice in (0..MIXTURES).map(LevelChoice::Mixed) {
-            let mixed = edge.groups.map(|g| self.level(g, choice));
+            let mixed = groups.map(|g| self.level(g, choice));
             let same = LevelChoice::Same(mixed[0].max(mixed[1]));
             // Otherwise it has been compared above.
-            if mixed != edge.groups.map(|g| self.level(g, same)) {
+            if mixed != groups.map(|g| self.level(g, same)) {
                 self.compare_at(edge, &corners, choice);
             }
         }
     }
 
     fn compare_at(&mut self, edge: &Edge, corners: &[TriangleTiles; 2], choice: LevelChoice) {
-        let tiles: Vec<[Tile; 2]> = (0..self.asset.channels().len())
-            .map(|channel| {
-                let tile =
-                    |group| self.cache.tile(channel, TileId { group, level: self.level(group, choice) });
-                let first = tile(edge.groups[0]);
-                let is_one_group = edge.groups[0] == edge.groups[1];
-                let second = if is_one_group { first.clone() } else { tile(edge.groups[1]) };
-                [first, second]
-            })
-            .collect();
+        let channels = 0..self.asset.channels().len();
+        let tiles: Vec<[Tile; 2]> =
+            channels.map(|channel| self.tiles(channel, edge.groups[0], choice)).collect();
         for s in self.positions(edge, &corners[0].corners, choice) {
             self.result.samples += 1;
             let look_ups = [0, 1].map(|side| look_ups(edge, side, &corners[side], s));
@@ -416,6 +435,27 @@ impl<'a> Comparison<'a> {
                 }
             }
         }
+    }
+
+    /// Of an edge whose triangles read tiles of their own.
+    fn measure_hard(&mut self, edge: &Edge, corners: &[TriangleTiles; 2]) {
+        let finest = LevelChoice::Same(0);
+        for (channel, Channel { kind, .. }) in self.asset.channels().iter().enumerate() {
+            if matches!(kind, ChannelKind::Normal | ChannelKind::Anisotropy) {
+                continue;
+            }
+            let tiles = edge.groups.map(|groups| self.tiles(channel, groups, finest));
+            for s in self.positions(edge, &corners[0].corners, finest) {
+                let [a, b] = [0, 1].map(|side| blend(&tiles[side], &look_ups(edge, side, &corners[side], s)));
+                self.result.largest_hard_jump = self.result.largest_hard_jump.max(jump(a, b));
+            }
+        }
+    }
+
+    fn tiles(&self, channel: usize, [first, second]: [u32; 2], choice: LevelChoice) -> [Tile; 2] {
+        let tile = |group| self.cache.tile(channel, TileId { group, level: self.level(group, choice) });
+        let one = tile(first);
+        if first == second { [one.clone(), one] } else { [one, tile(second)] }
     }
 
     fn place(&self, edge: &Edge, position: f32, level: LevelChoice, channel: usize) -> WorstJump {
@@ -436,7 +476,7 @@ impl<'a> Comparison<'a> {
         choice: LevelChoice,
     ) -> impl Iterator<Item = f32> + use<> {
         let [from, to] = edge.slots[0].map(usize::from);
-        let texels = [from, to].into_iter().zip(edge.groups).map(|(slot, group)| {
+        let texels = [from, to].into_iter().zip(edge.groups[0]).map(|(slot, group)| {
             let extent = crate::layout::level_extent(self.extent(group), self.level(group, choice));
             let along = corners[slot][to] - corners[slot][from];
             (along * Vec2::new(extent[0] as f32, extent[1] as f32)).length()
@@ -446,7 +486,8 @@ impl<'a> Comparison<'a> {
         // The band: |1 - 2 s| < delta.
         let delta = self.asset.cover().delta;
         let band = [-0.999, -0.5, 0.0, 0.5, 0.999].map(|x| 0.5 + 0.5 * delta * x);
-        let blends = edge.groups[0] != edge.groups[1];
+        let [first, second] = edge.groups[0];
+        let blends = first != second;
         equal.chain(band.into_iter().filter(move |_| blends))
     }
 
@@ -472,7 +513,7 @@ fn look_ups(edge: &Edge, side: usize, tiles: &TriangleTiles, s: f32) -> LookUps 
     lambda[to] = s;
     let mut look_ups = [None; 3];
     for (look_up, tap) in look_ups.iter_mut().zip(tiles.taps(lambda)) {
-        *look_up = Some((usize::from(tap.group != edge.groups[0]), tap.weight, tap.uv));
+        *look_up = Some((usize::from(tap.group != edge.groups[side][0]), tap.weight, tap.uv));
     }
     look_ups
 }

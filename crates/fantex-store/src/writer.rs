@@ -411,7 +411,7 @@ impl PackedCluster {
 pub(crate) struct NewFile {
     file: NamedTempFile,
     end: u64,
-    slot: Slot,
+    pub(crate) slot: Slot,
     levels: Vec<Vec<ClusterEntry>>,
 }
 
@@ -421,8 +421,9 @@ impl NewFile {
         Ok(Self { file, end: HEADER_BYTES, slot, levels: vec![Vec::new(); levels] })
     }
 
-    /// Adds the sections of channels, cover and mesh.
+    /// Adds the sections of channels, cover and mesh, and what the header says of the cover.
     fn contents(&mut self, mesh: &Mesh, cover: &Cover, channels: &[Channel]) -> io::Result<()> {
+        self.slot.hard_edges = cover.hard_edges;
         let (cover, mesh) = rayon::join(
             || pack_section(&cover_section::encode(cover, &mesh.triangles)),
             || pack_section(&mesh_section::encode(mesh)),

@@ -12,13 +12,16 @@ use glam::{DVec3, Vec4};
 
 const TEXELS: u64 = 1_000_000;
 
+fn options() -> CoverOptions {
+    CoverOptions { budget: TexelBudget::Total(TEXELS), ..CoverOptions::default() }
+}
+
 fn automatic(mesh: &Mesh) -> Mesh {
-    LongestEdge::Automatic.refined(mesh, &TexelBudget::Total(TEXELS), 1024).into_owned()
+    LongestEdge::Automatic.refined(mesh, &options()).into_owned()
 }
 
 fn loss(mesh: &Mesh) -> f64 {
-    let options = CoverOptions { budget: TexelBudget::Total(TEXELS), ..CoverOptions::default() };
-    let (_, CoverStats { loss_db, .. }) = build_cover(mesh, &options).unwrap();
+    let (_, CoverStats { loss_db, .. }) = build_cover(mesh, &options()).unwrap();
     loss_db
 }
 
@@ -77,7 +80,7 @@ fn no_other_length_would_have_been_sharper_for_its_bytes() {
         let mesh = cleaned(model);
         let least = cost(&automatic(&mesh));
         let other = |edge: u32| {
-            let cut = LongestEdge::Texels(edge).refined(&mesh, &TexelBudget::Total(TEXELS), 1024);
+            let cut = LongestEdge::Texels(edge).refined(&mesh, &options());
             (cut.triangles.len() <= 80_000).then(|| cost(&cut))
         };
         let others = [0, 128, 64, 32, 24, 16].map(other);
@@ -133,9 +136,10 @@ fn nothing_is_cut_where_there_is_one_fan_per_tile_or_where_that_was_asked_for() 
     for (longest_edge, tile) in
         [(LongestEdge::Automatic, 0), (LongestEdge::Texels(16), 0), (LongestEdge::Texels(0), 1024)]
     {
-        assert_eq!(longest_edge.refined(&mesh, &TexelBudget::Total(TEXELS), tile).triangles, mesh.triangles);
+        let options = CoverOptions { tile, ..options() };
+        assert_eq!(longest_edge.refined(&mesh, &options).triangles, mesh.triangles);
     }
-    let cut = LongestEdge::Texels(64).refined(&mesh, &TexelBudget::Total(TEXELS), 1024).into_owned();
+    let cut = LongestEdge::Texels(64).refined(&mesh, &options()).into_owned();
     assert!(cut.triangles.len() > 100);
 }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use fantex::base::random::nth_random;
-use fantex::mesh::generate::{LandscapeOptions, grid, icosphere, landscape};
+use fantex::mesh::generate::{LandscapeOptions, cube, grid, icosphere, landscape};
 use fantex::mesh::{Edges, Material, Mesh, Model, shading_normals};
 use fantex::render::{FanSurface, FilterOptions, Lights, RenderOptions, Shading, Surface, render};
 use fantex::scene::{Background, Camera};
@@ -177,6 +177,31 @@ fn all_channels_of_a_model_are_bit_by_bit_those_of_the_whole() {
     assert!(split.sectors.len() > due / 2 && split.sectors.len() <= due, "{} of {due}", split.sectors.len());
     assert!(split.world.objects.iter().all(|object| object.preview.is_none()));
     assert_sectors_are_the_whole(&whole, &split.sectors);
+}
+
+/// Where sectors meet at a hard edge, the texture function jumps as it does in the whole, which is no fault.
+#[test]
+fn sectors_may_meet_at_hard_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.fan");
+    let model = fantex::Mesh::from_model(cube(8), "whole.ply").unwrap();
+    let baker = || Baker::new(&model).texels(100_000).source(Source::solid("marble")).overwrite(true);
+    for (name, baker) in [("whole", baker()), ("cut", baker().hard_edges(60.0))] {
+        baker.longest_edge(fantex::LongestEdge::Texels(0)).write(&path).unwrap();
+        let whole = Asset::open(&path).unwrap();
+        let options = SplitOptions { triangles: 100, previews: None, ..SplitOptions::default() };
+        let split = split_into(&whole, &folder.path().join(name), &options);
+        for sector in &split.sectors {
+            assert_eq!(sector.cover().hard_edges, whole.cover().hard_edges);
+        }
+        let report = verify_world(&split.index, &VerifyOptions::default(), &NoProgress).unwrap();
+        assert!(report.ok && report.largest_jump < 1e-6, "{report:?}");
+        // Each of two sectors.
+        let borders: usize = split.sectors.iter().map(|sector| border(sector.mesh()).len()).sum();
+        let seams = borders as u64 / 2;
+        let is_cut = whole.cover().hard_edges.is_some();
+        assert!((report.seam_edges < seams) == is_cut, "{name}: {} of {seams}", report.seam_edges);
+    }
 }
 
 #[test]

@@ -49,6 +49,7 @@ fn cover() -> Arc<Cover> {
         delta: 0.25,
         density: 1.0,
         is_creased: false,
+        hard_edges: None,
         is_paired_by_angle: false,
     })
 }

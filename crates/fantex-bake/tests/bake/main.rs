@@ -4,6 +4,7 @@
 
 mod assets;
 mod common;
+mod hard_edges;
 mod light;
 mod parts;
 mod sources;

@@ -8,7 +8,7 @@ use fantex_bake::{
     BakeFormat, BakeOptions, LookSource, NoProgress, SineSource, Source, bake, bake_part, plan_bake,
 };
 use fantex_base::Random;
-use fantex_cover::Cover;
+use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate};
 use fantex_store::{
     Asset, ByteSource, CreateOptions, FileSource, Plan, Recipe, WriteSummary, cover_level_count, merge_parts,
@@ -45,6 +45,7 @@ fn check_same(mesh: &Mesh, cover: &Cover, source: &dyn Source, format: BakeForma
     plan_bake(mesh, cover, source, &at("plan.fan"), &options, &Recipe::default(), b"note").unwrap();
     let planned = Plan::open(&at("plan.fan")).unwrap();
     assert_eq!(planned.about, b"note");
+    assert!(planned.cover == *cover && Asset::open(&at("whole.fan")).unwrap().cover() == cover);
     let options = BakeOptions { memory_bytes: 1 << 20, ..options };
     for &count in counts {
         let parts = parts(folder.path(), &planned, mesh, source, count, &options);
@@ -101,6 +102,11 @@ fn merged_parts_are_what_one_process_writes() {
     let mesh = cleaned(generate::icosphere(1));
     let few = cover(&mesh, 64, 200_000);
     check_same(&mesh, &few, &WAVE, BakeFormat::Float, &[1, 5, 2 * few.groups.len() as u32]);
+    // The angle of hard edges lies in the header.
+    let budget = TexelBudget::Total(100_000);
+    let options = CoverOptions { budget, hard_edges: Some(60.0), ..CoverOptions::default() };
+    let cube = cleaned(generate::cube(3));
+    check_same(&cube, &build_cover(&cube, &options).unwrap().0, &WAVE, BakeFormat::Bc1, &[3]);
     let bottle = fantex_test::bottle();
     let source = LookSource::of_model(&bottle).unwrap();
     check_same(&bottle, &cover(&bottle, 64, 500_000), &source, BakeFormat::Rgba8, &[4]);

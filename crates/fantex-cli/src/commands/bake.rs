@@ -55,7 +55,7 @@ pub(crate) struct BakeArgs {
     #[command(flatten)]
     job: JobArgs,
     /// Bake this part of a plan, the I-th of N, instead of a model: any machine may bake any part (see 'fantex plan')
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "format", "fit", "quality", "weld"])]
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["source", "look", "texels", "density", "match_source", "tile", "longest_edge", "hard_edges", "format", "fit", "quality", "weld"])]
     shard: Option<Shard>,
 }
 
@@ -287,7 +287,9 @@ struct ModelSeconds {
 /// Bakes into a model.
 fn bake_model(args: &JobArgs, context: &Context) -> Result<()> {
     let output = &args.output;
-    if let Some(option) = args.cover.tile.map(|_| "--tile").or(args.encoding.changed()) {
+    let CoverArgs { tile, hard_edges, .. } = args.cover;
+    let of_tiles = tile.map(|_| "--tile").or(hard_edges.map(|_| "--hard-edges"));
+    if let Some(option) = of_tiles.or(args.encoding.changed()) {
         return Err(Error::invalid(format!(
             "{option} says how the tiles of an asset are made, and {} is a model; leave it out, or bake an asset (.fan) and export that",
             output.display()

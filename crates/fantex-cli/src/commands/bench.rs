@@ -28,7 +28,7 @@ use crate::commands::info::LongestEdgeArg;
 use crate::context::Context;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
-use crate::text::{Count, Table, columns, counted, grouped, one_of, positive, whole};
+use crate::text::{Count, Table, bend, columns, counted, grouped, one_of, positive, whole};
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -76,6 +76,9 @@ struct FidelityArgs {
     /// Cut triangles at bends until their edges are at most so many texels long, as 'fantex bake' does; 0 leaves them whole
     #[arg(long, value_name = "N|auto", default_value = "auto")]
     longest_edge: LongestEdgeArg,
+    /// Cut the texture at edges whose two triangles' normals differ by at least so many degrees
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = bend)]
+    hard_edges: Option<f32>,
     /// How texels are found from the function
     #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
     fit: Fit,
@@ -175,7 +178,10 @@ fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
     let tile = args.tile.unwrap_or(CoverOptions::default().tile);
     let progress = context.step("covering", "M texels");
     let LongestEdgeArg(longest_edge) = args.longest_edge;
-    let baker = Baker::new(&model).texels(args.texels.0).longest_edge(longest_edge).tile(tile);
+    let mut baker = Baker::new(&model).texels(args.texels.0).longest_edge(longest_edge).tile(tile);
+    if let Some(degrees) = args.hard_edges {
+        baker = baker.hard_edges(degrees);
+    }
     let Covered { mesh, cover, stats, .. } = baker.progress(&progress).cover_shape()?;
     let mesh = &*mesh;
     let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();

@@ -18,7 +18,7 @@ use super::world::print_world;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::scene::{Input, ReadArgs};
-use crate::text::{Count, ShownPath, Table, grouped, megabytes, over_budget, positive, whole};
+use crate::text::{Count, ShownPath, Table, bend, grouped, megabytes, over_budget, positive, whole};
 
 /// Show what is in a model, an asset, a world or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -35,7 +35,7 @@ pub(crate) struct InfoArgs {
     /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a world (.fanworld), also at an https://, s3://, gs:// or az:// address, or a look (.toml)
     file: PathBuf,
     /// Print the model's own materials as a look
-    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "picture", "weld"])]
+    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "longest_edge", "hard_edges", "picture", "weld"])]
     look: bool,
     #[command(flatten)]
     cover: CoverArgs,
@@ -62,6 +62,10 @@ pub(crate) struct CoverArgs {
     /// models of few large triangles. 0 and --tile 0 leave them whole [default: auto]
     #[arg(long, value_name = "N|auto")]
     pub(crate) longest_edge: Option<LongestEdgeArg>,
+    /// Cut the texture at edges whose two triangles' normals differ by at least so many degrees, e.g. 60 for those of boxes: sharper on models
+    /// of flat faces, and not continuous there [default: continuous everywhere]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = bend)]
+    pub(crate) hard_edges: Option<f32>,
 }
 
 /// `auto` or texels.
@@ -90,6 +94,7 @@ impl CoverArgs {
             ("--density", self.density.is_some()),
             ("--tile", self.tile.is_some()),
             ("--longest-edge", self.longest_edge.is_some()),
+            ("--hard-edges", self.hard_edges.is_some()),
         ];
         given.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option)
     }
@@ -99,7 +104,7 @@ impl CoverArgs {
         self.texels.is_some() || self.density.is_some()
     }
 
-    /// A baker with these texels and limits of tiles and edges.
+    /// A baker with these texels, limits of tiles and edges, and hard edges.
     pub(crate) fn given_to<'m>(&self, mut baker: Baker<'m>) -> Baker<'m> {
         if let Some(Count(texels)) = self.texels {
             baker = baker.texels(texels);
@@ -112,6 +117,9 @@ impl CoverArgs {
         }
         if let Some(LongestEdgeArg(longest_edge)) = self.longest_edge {
             baker = baker.longest_edge(longest_edge);
+        }
+        if let Some(degrees) = self.hard_edges {
+            baker = baker.hard_edges(degrees);
         }
         baker
     }
@@ -216,6 +224,8 @@ struct AssetInfo {
     bytes: u64,
     levels: u32,
     clusters: u64,
+    /// Degrees from which on edges were cut for the texture, where that was asked for.
+    hard_edges: Option<f32>,
     /// Of its preview, where there is one.
     preview_bytes: Option<u64>,
     channels: Vec<ChannelInfo>,
@@ -370,6 +380,7 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
         bytes: asset.file_bytes(),
         levels: asset.level_count(),
         clusters: (0..asset.level_count()).map(|level| asset.cluster_ranges(level).len() as u64).sum(),
+        hard_edges: cover.hard_edges,
         preview_bytes: asset.attachment_bytes(PREVIEW).ok().flatten(),
         channels: asset.channels().iter().map(channel).collect(),
         sheet: Sheet::of(cover),
@@ -445,6 +456,7 @@ fn asset_text(info: &AssetInfo, path: &Path) -> String {
         .row("levels", info.levels.to_string())
         .row("clusters", grouped(info.clusters))
         .row("one sheet", sheet_text(&info.sheet));
+    table.rows("hard edges", info.hard_edges.map(|degrees| format!("cut from {degrees} degrees on")));
     table.rows("preview", info.preview_bytes.map(megabytes));
     for channel in &info.channels {
         let encoding = if channel.srgb { "sRGB" } else { "linear" };

@@ -24,7 +24,7 @@ Example:
   fantex verify land/land.fanworld
 
 Checked are both headers, every stored cluster and attachment against its checksum, the mesh, and the texture function on both sides of every \
-edge, in all channels, at every level and at mixed levels. Edges say nothing of what texels show. With --texels, all that look-ups read at coarser \
+edge, in all channels, at every level and at mixed levels. Hard edges that a bake was asked to cut (--hard-edges) are counted, and the jump there is measured, but has no bound. Edges say nothing of what texels show. With --texels, all that look-ups read at coarser \
 levels are compared with the finer ones that they are made of; docs/format.md says what that finds and what it cannot. Of a world, every asset and preview is checked, that the index is true, and that sectors of one asset agree \
 where they meet.")]
 pub(crate) struct VerifyArgs {
@@ -44,6 +44,10 @@ struct ContinuityInfo {
     levels: u32,
     samples: u64,
     exempt_edges: u64,
+    /// Of these, those that were asked to be cut.
+    hard_edges: u64,
+    /// Across these, which no bound is for.
+    largest_hard_jump: f32,
     needless_splits: u64,
 }
 
@@ -110,6 +114,8 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
             levels: continuity.levels,
             samples: continuity.samples,
             exempt_edges: continuity.exempt_edges,
+            hard_edges: continuity.exempt.hard,
+            largest_hard_jump: continuity.largest_hard_jump,
             needless_splits: continuity.needless_splits,
         },
         texels: report.texels.as_ref().map(TexelInfo::of),
@@ -147,7 +153,13 @@ fn text(info: &VerifyInfo, path: &Path) -> String {
         .row("damaged tiles", grouped(info.damaged_tiles))
         .row("largest jump", format!("{:.2e} (bound {:.0e})", continuity.largest_jump, continuity.bound))
         .row("edges compared", grouped(continuity.edges))
-        .row("edges left out", grouped(continuity.exempt_edges))
+        .row("edges left out", grouped(continuity.exempt_edges));
+    if continuity.hard_edges > 0 {
+        table
+            .row("  hard edges, as asked", grouped(continuity.hard_edges))
+            .row("  largest jump there", format!("{:.2e} (no bound)", continuity.largest_hard_jump));
+    }
+    table
         .row("levels compared", continuity.levels.to_string())
         .row("values compared", grouped(continuity.samples));
     if let Some(texels) = &info.texels {

@@ -119,8 +119,13 @@ fn what_is_an_assets_alone_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
     let out = folder.path().join("x.glb");
-    for (option, given) in [("--tile", "64"), ("--format", "bc1"), ("--fit", "point"), ("--quality", "basic")]
-    {
+    for (option, given) in [
+        ("--tile", "64"),
+        ("--hard-edges", "60"),
+        ("--format", "bc1"),
+        ("--fit", "point"),
+        ("--quality", "basic"),
+    ] {
         let arguments: &[&dyn AsRef<std::ffi::OsStr>] =
             &[&"bake", &model, &"-o", &out, &"--source", &"solid=marble", &option, &given];
         fails(2, &[option, "bake an asset (.fan)"], arguments);

@@ -210,6 +210,42 @@ fn a_landscape_goes_all_the_way() {
     assert!(std::fs::read(path("land.ply")).unwrap() == std::fs::read(path("again.ply")).unwrap());
 }
 
+/// Of a cube the twelve edges, and no others; in parts the same bytes.
+#[test]
+fn hard_edges_are_cut_and_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let options: [&dyn AsRef<OsStr>; 8] =
+        [&"--source", &"solid=marble", &"--texels", &"60k", &"--longest-edge", &"0", &"--hard-edges", &"60"];
+    let command = |name: &str, output: &Path| {
+        let words: [&dyn AsRef<OsStr>; 4] = [&name, &model, &"-o", &output];
+        succeeds(&[&words[..], &options].concat());
+    };
+    let asset = path("cube.fan");
+    command("bake", &asset);
+    assert_eq!(json(&[&"info", &asset])["hard_edges"], 60.0);
+    let text = |command: &str| String::from_utf8(succeeds(&[&command, &asset]).stdout).unwrap();
+    assert!(text("info").contains("cut from 60 degrees on"));
+    let continuity = &json(&[&"verify", &asset])["continuity"];
+    assert_eq!((&continuity["hard_edges"], &continuity["edges"]), (&12.into(), &6.into()));
+    let jump = continuity["largest_hard_jump"].as_f64().unwrap();
+    assert!(jump > 0.0 && jump < 0.5, "{jump}");
+    let verified = text("verify");
+    let line = |label: &str| verified.lines().find(|line| line.contains(label)).unwrap().to_owned();
+    assert!(line("hard edges, as asked").ends_with(" 12") && line("largest jump there").contains("no bound"));
+
+    let plan = path("cube.plan");
+    command("plan", &plan);
+    let parts = [path("1.part"), path("2.part")];
+    for (part, shard) in parts.iter().zip(["1/2", "2/2"]) {
+        succeeds(&[&"bake", &plan, &"--shard", &shard, &"-o", part]);
+    }
+    let merged = path("merged.fan");
+    succeeds(&[&"merge", &plan, &parts[1], &parts[0], &"-o", &merged]);
+    assert!(std::fs::read(merged).unwrap() == std::fs::read(asset).unwrap());
+}
+
 #[test]
 fn a_landscape_becomes_an_asset_at_once() {
     let folder = tempfile::tempdir().unwrap();

@@ -194,7 +194,8 @@ class Asset:
     @property
     def info(self) -> dict:
         """``kind`` (``"asset"``), ``triangles``, ``vertices``, ``texels`` per channel, ``tiles``, detail ``levels``, ``bytes`` of the
-        file, ``preview_bytes`` (None without a preview), and ``channels``, formats by name."""
+        file, ``preview_bytes`` (None without a preview), ``hard_edges`` (the angle from which on edges were cut for the texture, or None), and
+        ``channels``, formats by name."""
         return self._native.figures()
 
     def nearest(self, points: Any) -> tuple:

@@ -123,6 +123,7 @@ def bake(
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
     longest_edge: Union[int, str, None] = None,
+    hard_edges: Optional[float] = None,
     weld: Optional[float] = None,
     format: str = "bc7",
     fit: str = "sharp",
@@ -149,6 +150,9 @@ def bake(
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
             and looks with baked light. The triangles of the asset are then not the model's; its vertices come first.
+        hard_edges: cut the texture at edges whose two triangles' normals differ by at least so many degrees, 0 to 180; 60 finds
+            those of a box. Models of flat faces are sharper by that, and the texture may jump there, by about a tile's own error.
+            By default it is continuous everywhere.
         weld: join vertices of the mesh that lie up to this far apart, world units; by default only those at the same place.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
@@ -175,6 +179,7 @@ def bake(
         match=match,
         tile=tile,
         longest_edge=longest_edge,
+        hard_edges=hard_edges,
         weld=weld,
         format=format,
         fit=fit,
@@ -270,7 +275,7 @@ def _options(**given: Any) -> Dict[str, Any]:
     if len(asked) > 1:
         raise ValueError(f"{asked[0]} and {asked[1]} both say how many texels there are; give one of them")
     texels, tile, edge = given["texels"], given["tile"], given["longest_edge"]
-    density = given["density"]
+    density, hard_edges = given["density"], given.get("hard_edges")
     return {
         **given,
         "density": None if density is None else number(density, "density"),
@@ -278,6 +283,7 @@ def _options(**given: Any) -> Dict[str, Any]:
         "texels": None if texels is None else amount(texels, "texels"),
         "tile": None if tile is None else whole(tile, "tile"),
         "longest_edge": edge if edge is None or isinstance(edge, str) else whole(edge, "longest_edge"),
+        "hard_edges": None if hard_edges is None else number(hard_edges, "hard_edges"),
         "weld": length(given["weld"], "weld"),
         "seed": whole(given["seed"], "seed", (1 << 64) - 1),
     }

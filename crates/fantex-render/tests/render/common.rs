@@ -409,6 +409,7 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: [u32; 2]) -> Cover {
         delta: 0.2,
         density: 100.0,
         is_creased: false,
+        hard_edges: None,
         is_paired_by_angle: false,
         corner_groups: mesh.triangles.clone(),
         groups,

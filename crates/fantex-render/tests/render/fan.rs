@@ -220,6 +220,7 @@ fn twice_the_same(size: u32, texel: impl Fn(u32, u32) -> [f32; 4]) -> (Mesh, Cov
         delta: 0.2,
         density: 1.0,
         is_creased: false,
+        hard_edges: None,
         is_paired_by_angle: false,
         corner_groups,
         groups: vec![group],

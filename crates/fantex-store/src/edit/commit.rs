@@ -278,8 +278,8 @@ impl AssetEditor {
             attachments = self.write_section(&directory::encode_attachments(&self.flushed.attachments))?;
             written.push(attachments.range());
         }
-        let file_length = self.space.end();
-        Ok(Slot { file_length, sections, attachments, ..Slot::new(self.header.newest + 1) })
+        let (file_length, hard_edges) = (self.space.end(), self.asset.slot().hard_edges);
+        Ok(Slot { file_length, sections, attachments, hard_edges, ..Slot::new(self.header.newest + 1) })
     }
 
     /// Steps 3 and 4.

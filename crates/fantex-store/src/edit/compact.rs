@@ -150,6 +150,7 @@ impl<'a> Rewrite<'a> {
     fn begin(&self, place: &Path) -> io::Result<NewFile> {
         let asset = self.asset;
         let mut copy = NewFile::create(place, asset.generation() + 1, asset.directory().levels.len())?;
+        copy.slot.hard_edges = asset.slot().hard_edges;
         for (index, record) in asset.slot().sections.iter().enumerate().take(3) {
             let changed = match (SECTION_NAMES[index], self.mesh) {
                 ("channel", _) if !self.is_copy() => {

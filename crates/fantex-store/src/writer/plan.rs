@@ -105,6 +105,7 @@ impl Plan {
         let (noted, about) = notes.split_at(notes.len() - rest.remaining());
         let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
         let cover = cover_section::decode(&cover_bytes, &mesh.triangles).map_err(wrong)?;
+        let cover = Cover { hard_edges: slot.hard_edges, ..cover };
         let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;
         let identity = identity(&[&channel_bytes, &cover_bytes, &mesh_bytes, noted]);
         let about = about.to_vec();

@@ -127,6 +127,7 @@ pub(crate) fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cove
         delta: 0.25,
         density: 100.0,
         is_creased: false,
+        hard_edges: None,
         is_paired_by_angle: false,
         corner_groups,
         groups,

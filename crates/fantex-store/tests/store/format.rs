@@ -8,8 +8,10 @@ use fantex_base::{ErrorKind, Random};
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, Material, Mesh, ToonInterpolation, ToonScale, clean, generate};
 use fantex_store::{
-    Asset, AssetWriter, ByteSource, Channel, CreateOptions, PageId, Quality, TexelSlice, decode, encode,
+    Asset, AssetEditor, AssetWriter, ByteSource, Channel, CreateOptions, EditOptions, PageId, Quality,
+    TexelSlice, decode, encode,
 };
+use fantex_test::fan_file::{seal, set_word};
 use glam::{Vec3, Vec4};
 
 use crate::common::{
@@ -549,4 +551,49 @@ fn messages_name_the_location() {
     let error = Asset::open_source(source).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Damaged);
     assert!(error.to_string().starts_with("https://example.org/recorded.fan is truncated"), "{error}");
+}
+
+/// The angle of hard edges lies in the header, where readers of texels need not look. Edits and copies keep it.
+#[test]
+fn the_angle_of_hard_edges_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let mesh = sheet(3);
+    let plain = fan_cover(&mesh, |_| [16, 16]);
+    let cover = Cover { hard_edges: Some(60.0), ..plain.clone() };
+    write(&path, &mesh, &plain, &block_channels(), 7).unwrap();
+    let without = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    write(&path, &mesh, &cover, &block_channels(), 7).unwrap();
+    let file = std::fs::read(&path).unwrap();
+    for slot in [0, 4096] {
+        assert_eq!((u64_at(&without, slot + 192), u64_at(&without, slot + 200)), (0, 0));
+        assert_eq!(
+            (u32_at(&file, slot + 192), f32::from_bits(u32_at(&file, slot + 196)), u64_at(&file, slot + 200)),
+            (1, 60.0, 0)
+        );
+    }
+    // All else is the same.
+    assert!(file[256..4096] == without[256..4096] && file[4352..] == without[4352..]);
+
+    let angle = || Asset::open(&path).unwrap().cover().hard_edges;
+    assert_eq!(angle(), Some(60.0));
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    editor.attach("note", vec![1, 2, 3]).unwrap();
+    editor.commit().unwrap();
+    assert_eq!(angle(), Some(60.0));
+    editor.compact().unwrap();
+    drop(editor);
+    assert_eq!(angle(), Some(60.0));
+
+    for wrong in [-1.0, 181.0, f32::NAN] {
+        let mut file = file.clone();
+        for slot in [0, 4096] {
+            set_word(&mut file, slot + 192, 1 | u64::from(wrong.to_bits()) << 32);
+        }
+        seal(&mut file);
+        std::fs::write(&path, file).unwrap();
+        let error = Asset::open(&path).unwrap_err().to_string();
+        assert!(error.contains("an angle of 0 to 180 degrees"), "{error}");
+    }
 }

@@ -579,6 +579,7 @@ mod tests {
             delta: 0.25,
             density: 1.0,
             is_creased: false,
+            hard_edges: None,
             is_paired_by_angle: false,
             corner_groups: Vec::new(),
             groups: extents.into_iter().map(tile).collect(),

@@ -28,6 +28,7 @@ use fantex_base::random::{DEFAULT_SEED, folded_seed};
 use fantex_base::{Error, ReadLimits, Result};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
+use fantex_mesh::check_hard_edges;
 use fantex_store::{ChannelKind, Plan, Quality, Recipe};
 use fantex_texture::material::LeftOut;
 use glam::Vec4;
@@ -92,6 +93,7 @@ pub struct Baker<'a> {
     /// With what they are where nothing says more.
     channels: Vec<(ChannelKind, Vec4)>,
     tile: u32,
+    hard_edges: Option<f32>,
     /// As the kind of source suggests where nothing was said.
     longest_edge: Option<LongestEdge>,
     seed: u64,
@@ -112,6 +114,7 @@ impl<'a> Baker<'a> {
             default_texels: Self::DEFAULT_TEXELS,
             channels: Vec::new(),
             tile: CoverOptions::default().tile,
+            hard_edges: None,
             longest_edge: None,
             seed: DEFAULT_SEED,
             options: BakeOptions::default(),
@@ -154,6 +157,13 @@ impl<'a> Baker<'a> {
     /// Longest side of a tile in texels; 0 gives every fan its own tile.
     pub fn tile(self, texels: u32) -> Self {
         Self { tile: texels, ..self }
+    }
+
+    /// Cuts the texture at edges whose two triangles' normals differ by at least so many degrees, 0 to 180: no tile lies across one, and the
+    /// texture function may jump there, by about a tile's own error. Textures of boxes, terraces and machines, which are smooth in space, are sharper by that.
+    /// By default none are cut, and the function is continuous everywhere.
+    pub fn hard_edges(self, degrees: f32) -> Self {
+        Self { hard_edges: Some(degrees), ..self }
     }
 
     /// How large triangles are cut first; by default [automatically](LongestEdge::Automatic). They stay whole for [closures](Source::function),
@@ -240,7 +250,7 @@ impl<'a> Baker<'a> {
 
     /// Makes a model with ordinary texture coordinates instead of an asset: `.glb`, or `.gltf` with files beside it. Its pictures are the smallest in
     /// which the surface has its density, or half of a number of texels in all, unless the options have a side. Triangles stay whole unless
-    /// [`longest_edge`](Self::longest_edge) is called; format, fit, quality and tile do not count. Light is baked into an asset beside the
+    /// [`longest_edge`](Self::longest_edge) is called; format, fit, quality, tile and hard edges do not count. Light is baked into an asset beside the
     /// model first, which is removed afterwards.
     ///
     /// # Errors
@@ -442,8 +452,7 @@ impl<'a> Baker<'a> {
         (budget, most_texels): (TexelBudget, Option<u64>),
         cut_creases: bool,
     ) -> Result<(Cover, CoverStats)> {
-        let options =
-            CoverOptions { budget, most_texels, tile: self.tile, cut_creases, ..CoverOptions::default() };
+        let options = CoverOptions { most_texels, cut_creases, ..self.cover_options(budget) };
         self.progress.covering(|goes_on| build_cover_while(mesh, &options, goes_on))
     }
 
@@ -499,8 +508,14 @@ impl<'a> Baker<'a> {
         cuts: LongestEdge,
         own_density: Option<&OwnDensity>,
     ) -> Result<Cow<'m, fantex_mesh::Mesh>> {
-        let budget = self.nominal_budget(mesh, own_density);
-        self.progress.covering(|goes_on| cuts.refined_while(mesh, &budget, self.tile, goes_on))
+        let options = self.cover_options(self.nominal_budget(mesh, own_density));
+        self.hard_edges.map_or(Ok(()), check_hard_edges)?;
+        self.progress.covering(|goes_on| cuts.refined_while(mesh, &options, goes_on))
+    }
+
+    fn cover_options(&self, budget: TexelBudget) -> CoverOptions {
+        let Self { tile, hard_edges, .. } = *self;
+        CoverOptions { budget, tile, hard_edges, ..CoverOptions::default() }
     }
 
     /// How many texels a mesh gets, about. `own_density` as in [`bake`](Self::bake).

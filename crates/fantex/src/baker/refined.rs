@@ -62,9 +62,9 @@ pub enum LongestEdge {
 }
 
 impl LongestEdge {
-    /// The mesh that is covered with such a budget in tiles of at most `tile` texels; one fan per tile, 0, leaves it as it is.
-    pub fn refined<'m>(self, mesh: &'m Mesh, budget: &TexelBudget, tile: u32) -> Cow<'m, Mesh> {
-        self.refined_while(mesh, budget, tile, &|_| true).unwrap_or(Cow::Borrowed(mesh))
+    /// The mesh that is covered with such options; one fan per tile leaves it as it is.
+    pub fn refined<'m>(self, mesh: &'m Mesh, options: &CoverOptions) -> Cow<'m, Mesh> {
+        self.refined_while(mesh, options, &|_| true).unwrap_or(Cow::Borrowed(mesh))
     }
 
     /// As [`refined`](Self::refined), but ends soon once it is not wanted any more. `goes_on` is asked that and told how much of the
@@ -75,21 +75,20 @@ impl LongestEdge {
     pub(crate) fn refined_while<'m>(
         self,
         mesh: &'m Mesh,
-        budget: &TexelBudget,
-        tile: u32,
+        options: &CoverOptions,
         goes_on: &(dyn Fn(f32) -> bool + Sync),
     ) -> Result<Cow<'m, Mesh>> {
-        if self.leaves_whole(mesh, tile) {
+        if self.leaves_whole(mesh, options.tile) {
             return Ok(Cow::Borrowed(mesh));
         }
-        let texels = budget_texels(mesh, budget);
+        let texels = budget_texels(mesh, &options.budget);
         let longest = longest_edge(mesh);
         let density = (texels / mesh.area()).sqrt();
         if !density.is_normal() {
             return Ok(Cow::Borrowed(mesh));
         }
         match self {
-            Self::Automatic => automatic(mesh, texels, tile, longest, goes_on),
+            Self::Automatic => automatic(mesh, texels, options, longest, goes_on),
             Self::Texels(edge) => {
                 let most = MAX_TRIANGLES.max(mesh.triangles.len() as u64);
                 let mut wanted = f64::from(edge) / density;
@@ -119,7 +118,7 @@ impl LongestEdge {
 fn automatic<'m>(
     mesh: &'m Mesh,
     texels: f64,
-    tile: u32,
+    &CoverOptions { tile, hard_edges, .. }: &CoverOptions,
     longest: f64,
     goes_on: &(dyn Fn(f32) -> bool + Sync),
 ) -> Result<Cow<'m, Mesh>> {
@@ -147,7 +146,7 @@ fn automatic<'m>(
     let mut done = 0.0;
 
     let budget = TexelBudget::Total(texels as u64);
-    let options = CoverOptions { budget, tile, ..CoverOptions::default() };
+    let options = CoverOptions { budget, tile, hard_edges, ..CoverOptions::default() };
     let cost_of_bytes =
         |mesh: &Mesh| 20.0 * (1.0 + TRIANGLE_TEXELS * mesh.triangles.len() as f64 / texels).log10();
     // None for what cannot be covered, as its tiles were too long.

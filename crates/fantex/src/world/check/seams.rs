@@ -2,9 +2,9 @@
 
 use std::collections::{HashMap, HashSet};
 
-use fantex_mesh::{Edge, Edges, Mesh, SurfacePoint, WorldFromMesh};
+use fantex_mesh::{Edge, Edges, HardAngle, Mesh, SurfacePoint, WorldFromMesh};
 use fantex_store::{PageCache, TileId, TileSource, TileTexels, jump};
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 /// The places of the ends of an edge in the world, ascending, as bits.
@@ -13,8 +13,15 @@ type Ends = [[u64; 3]; 2];
 /// A border edge: what sectors of one asset have in common (mesh space, blend band, density), as bits, and its ends.
 type SeamKey = ([u64; 6], Ends);
 
-/// The texture function along a border edge: per point and channel.
-type SeamValues = Vec<Vec4>;
+/// What a sector has at a border edge.
+struct SeamSide {
+    /// The texture function along it: per point and channel.
+    values: Vec<Vec4>,
+    /// The triangle's normal, and whether it runs from the first end to the second.
+    facet: (DVec3, bool),
+    /// See [`Cover::hard_edges`](fantex_cover::Cover::hard_edges).
+    hard_edges: Option<f32>,
+}
 
 /// Where points lie along an edge: in the middle of the blend band, and on both sides of it.
 const SEAM_POINTS: [f32; 5] = [0.02, 0.3, 0.5, 0.7, 0.98];
@@ -22,7 +29,7 @@ const SEAM_POINTS: [f32; 5] = [0.02, 0.3, 0.5, 0.7, 0.98];
 /// Border edges that wait for their other side.
 #[derive(Default)]
 pub(super) struct Seams {
-    open: HashMap<SeamKey, (usize, SeamValues)>,
+    open: HashMap<SeamKey, (usize, SeamSide)>,
     /// Whether edges that had two sides are remembered.
     keeps_meetings: bool,
     /// Those edges, and the objects on both sides.
@@ -43,23 +50,25 @@ impl Seams {
         let borders = edges.iter().filter(|edge| edge.triangle_count() == 1);
         let sides: Vec<(u32, [u32; 2])> =
             borders.filter_map(|edge| Some((edge.triangles().next()?.0, edge.vertices()))).collect();
-        let values: Vec<(SeamKey, SeamValues)> =
-            sides.into_par_iter().map(|(triangle, ends)| seam_values(cache, triangle, ends)).collect();
-        for (key, values) in values {
+        let sides: Vec<(SeamKey, SeamSide)> =
+            sides.into_par_iter().map(|(triangle, ends)| seam_side(cache, triangle, ends)).collect();
+        for (key, side) in sides {
             match self.open.remove(&key) {
                 Some((other, seen)) if other != object => {
                     if self.keeps_meetings {
                         self.meetings.push((key.1, [other, object]));
                     }
-                    self.compare([other, object], &seen, &values);
+                    if !are_apart(&seen, &side) {
+                        self.compare([other, object], &seen.values, &side.values);
+                    }
                 }
                 Some(twice) => drop(self.open.insert(key, twice)),
-                None => drop(self.open.insert(key, (object, values))),
+                None => drop(self.open.insert(key, (object, side))),
             }
         }
     }
 
-    fn compare(&mut self, objects: [usize; 2], a: &SeamValues, b: &SeamValues) {
+    fn compare(&mut self, objects: [usize; 2], a: &[Vec4], b: &[Vec4]) {
         self.edges += 1;
         let largest = match a.len() == b.len() {
             true => a.iter().zip(b).map(|(a, b)| jump(a.to_array(), b.to_array())).fold(0.0, f32::max),
@@ -97,7 +106,12 @@ fn sorted(mut ends: Ends) -> Ends {
     ends
 }
 
-fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, SeamValues) {
+/// Whether the sectors' whole was cut there, at a hard edge.
+fn are_apart(a: &SeamSide, b: &SeamSide) -> bool {
+    a.hard_edges.is_some_and(|degrees| HardAngle::new(degrees).is_reached([a.facet, b.facet]))
+}
+
+fn seam_side(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, SeamSide) {
     let asset = cache.asset();
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let space = mesh.world_from_mesh;
@@ -121,7 +135,9 @@ fn seam_values(cache: &PageCache, triangle: u32, ends: [u32; 2]) -> (SeamKey, Se
     let [x, y, z] = space.offset.to_array().map(f64::to_bits);
     let common =
         [x, y, z, space.scale.to_bits(), cover.delta.to_bits().into(), cover.density.to_bits().into()];
-    ((common, ends.map(|(place, _)| place)), values)
+    let facet = (mesh.facet_normal(triangle as usize), (slots[0] + 1) % 3 == slots[1]);
+    let side = SeamSide { values, facet, hard_edges: cover.hard_edges };
+    ((common, ends.map(|(place, _)| place)), side)
 }
 
 #[cfg(test)]
@@ -132,7 +148,7 @@ mod tests {
     fn what_is_no_number_on_one_side_of_a_seam_only_is_a_jump() {
         let jump_between = |a: f32, b: f32| {
             let mut seams = Seams::default();
-            seams.compare([0, 1], &vec![Vec4::splat(a)], &vec![Vec4::new(a, a, a, b)]);
+            seams.compare([0, 1], &[Vec4::splat(a)], &[Vec4::new(a, a, a, b)]);
             (seams.largest_jump, seams.worst)
         };
         assert_eq!(jump_between(0.25, 0.25), (0.0, None));
