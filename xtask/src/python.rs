@@ -8,12 +8,15 @@ use std::process::Command;
 use crate::shell::{Failure, data_folder, root, run as run_command, succeeds};
 use crate::test::{build_all, target_folder, threads};
 
+/// Packages of an index, and the modules that they bring.
+type Packages = &'static [(&'static str, &'static str)];
+
 /// What the tests import.
-const PACKAGES: [(&str, &str); 4] =
-    [("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
+const NEEDED: Packages =
+    &[("pytest", "pytest"), ("numpy", "numpy"), ("trimesh", "trimesh"), ("pillow", "PIL")];
 
 /// What some tests import; those say that they are left out without it.
-const OPTIONAL: [(&str, &[(&str, &str)]); 6] = [
+const OPTIONAL: [(&str, Packages); 6] = [
     ("usd-core and MaterialX", &[("usd-core", "pxr"), ("MaterialX", "MaterialX")]),
     ("moderngl and OpenImageIO", &[("moderngl", "moderngl"), ("openimageio", "OpenImageIO")]),
     ("distributed (Dask)", &[("distributed", "distributed"), ("pyyaml", "yaml")]),
@@ -26,45 +29,79 @@ const OPTIONAL: [(&str, &[(&str, &str)]); 6] = [
 ];
 
 /// What runs tests side by side; without it they run one after another.
-const PARALLEL: [(&str, &str); 1] = [("pytest-xdist", "xdist")];
+const PARALLEL: Packages = &[("pytest-xdist", "xdist")];
 
-/// Runs the tests with a virtual environment in the target folder. Without Python 3.10 or the packages they are left out, and `list`
-/// says so. The package is put together from the library that the other tests have built; `slow` builds a wheel instead, in release,
-/// and installs it.
-pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
-    let Some(python) = interpreter() else { return skip(list, "no Python 3.10 or later") };
-    let folder = target_folder().join("python");
-    let environment = folder.join("environment");
-    let own = environment.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    if !succeeds(Command::new(&own).arg("--version"))
-        && run_command(Command::new(&python).args(["-m", "venv"]).arg(&environment)).is_err()
-    {
-        return skip(list, "Python cannot make a virtual environment");
-    }
-    let pip = || {
-        let mut pip = Command::new(&own);
-        pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]);
-        pip
-    };
-    let has = |packages: &[(&str, &str)]| {
-        let imports: Vec<String> = packages.iter().map(|(_, module)| format!("import {module}")).collect();
-        succeeds(Command::new(&own).arg("-c").arg(imports.join("\n")))
-            || run_command(pip().args(packages.iter().map(|(package, _)| package))).is_ok()
-    };
-    if !has(&PACKAGES) {
-        return skip(list, "no numpy, pytest, trimesh and pillow for Python");
-    }
-    for (names, packages) in OPTIONAL {
-        if !has(packages) {
+/// A virtual environment in the target folder with what the tests import.
+pub(crate) struct Environment {
+    python: PathBuf,
+    is_parallel: bool,
+}
+
+impl Environment {
+    /// Makes it, where it is not there. Nothing without Python 3.10 or the packages that are needed, and `list` says so.
+    pub(crate) fn prepare(list: &Path) -> Result<Option<Self>, Failure> {
+        let skipped = |reason| skip(list, reason).map(|()| None);
+        let Some(python) = interpreter() else { return skipped("no Python 3.10 or later") };
+        let environment = folder().join("environment");
+        let own = environment.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
+        if !succeeds(Command::new(&own).arg("--version"))
+            && run_command(Command::new(&python).args(["-m", "venv"]).arg(&environment)).is_err()
+        {
+            return skipped("Python cannot make a virtual environment");
+        }
+        let sets: Vec<Packages> =
+            [NEEDED, PARALLEL].into_iter().chain(OPTIONAL.iter().map(|(_, set)| *set)).collect();
+        let there = install(&own, &sets);
+        if !there[0] {
+            return skipped("no numpy, pytest, trimesh and pillow for Python");
+        }
+        for ((names, _), _) in OPTIONAL.iter().zip(&there[2..]).filter(|(_, is_there)| !**is_there) {
             skip(list, &format!("no {names} for Python"))?;
         }
+        Ok(Some(Self { python: own, is_parallel: there[1] }))
     }
+}
+
+/// Installs what of these is missing: at once, or else each by itself. Tells which are there.
+fn install(python: &Path, sets: &[Packages]) -> Vec<bool> {
+    let imports = |set: &&Packages| {
+        let imports: Vec<String> = set.iter().map(|(_, module)| format!("import {module}")).collect();
+        succeeds(Command::new(python).arg("-c").arg(imports.join("\n")))
+    };
+    let mut there: Vec<bool> = sets.iter().map(|set| imports(&set)).collect();
+    let names = |set: Packages| set.iter().map(|(package, _)| *package);
+    let missing: Vec<&str> =
+        sets.iter().zip(&there).filter(|(_, is_there)| !**is_there).flat_map(|(set, _)| names(set)).collect();
+    if missing.is_empty() || run_command(pip(python).args(missing)).is_ok() {
+        return vec![true; sets.len()];
+    }
+    for (set, is_there) in sets.iter().zip(&mut there).filter(|(_, is_there)| !**is_there) {
+        *is_there = run_command(pip(python).args(names(set))).is_ok();
+    }
+    there
+}
+
+fn pip(python: &Path) -> Command {
+    let mut pip = Command::new(python);
+    pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]);
+    pip
+}
+
+/// Where the environment and the package are.
+fn folder() -> PathBuf {
+    target_folder().join("python")
+}
+
+/// Runs the tests in an environment. The package is put together from the library that the other tests have built; `slow` builds a
+/// wheel instead, in release, and installs it.
+pub(crate) fn run(environment: &Environment, list: &Path, slow: bool) -> Result<(), Failure> {
+    let own = &environment.python;
     build_all(list)?;
     let source = root().join("crates/fantex-python");
-    let mut tests = Command::new(&own);
-    let package = folder.join("package");
+    let mut tests = Command::new(own);
+    let package = folder().join("package");
     if slow {
-        run_command(pip().args(["--force-reinstall", "--no-deps"]).arg(&source))?;
+        run_command(pip(own).args(["--force-reinstall", "--no-deps"]).arg(&source))?;
     } else {
         assemble(&source, &package)?;
         tests.env("PYTHONPATH", &package);
@@ -77,7 +114,7 @@ pub(crate) fn run(list: &Path, slow: bool) -> Result<(), Failure> {
         target_folder().join("debug").join(format!("fantex{}", std::env::consts::EXE_SUFFIX)),
     );
     tests.args(PYTEST).current_dir(&source);
-    if has(&PARALLEL) {
+    if environment.is_parallel {
         // Who has nothing left takes tests from others.
         tests.args(["--dist", "worksteal", "-n"]).arg(threads().to_string());
     }

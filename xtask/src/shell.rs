@@ -55,6 +55,19 @@ pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
     }
 }
 
+/// Runs a command beside others, and shows what it says once it has ended.
+pub(crate) fn run_beside(command: &mut Command) -> Result<(), Failure> {
+    let words: Vec<_> = std::iter::once(command.get_program()).chain(command.get_args()).collect();
+    let name = words.join(" ".as_ref()).to_string_lossy().into_owned();
+    let output = command.output().map_err(|error| Failure(format!("cannot run {name}: {error}")))?;
+    let [said, told] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    eprintln!("> {name}\n{told}{said}");
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(Failure(format!("{name} failed: {}", output.status))),
+    }
+}
+
 /// Runs a command and returns what it writes to standard output.
 pub(crate) fn capture(command: &mut Command) -> Result<String, Failure> {
     let name = format!("{command:?}");

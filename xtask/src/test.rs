@@ -3,10 +3,12 @@
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::thread::available_parallelism;
+use std::thread::{self, ScopedJoinHandle, available_parallelism};
 
-use crate::python;
-use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
+use crate::python::{self, Environment};
+use crate::shell::{
+    Failure, capture, cargo_command, data_folder, root, run as run_command, run_beside, succeeds,
+};
 use crate::web;
 
 /// Examples of the library. All of them end by themselves without arguments.
@@ -47,12 +49,32 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
             eprintln!("{stale}");
         }
     }
-    let result = run_cargo(&arguments, &list);
-    let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);
-    let examples = run_examples(&list);
-    let python = python::run(&list, slow);
+    // What leaves cores idle is done beside the rest: downloads while crates are compiled, doc tests beside the others.
+    let result = thread::scope(|scope| {
+        let environment = scope.spawn(|| Environment::prepare(&list));
+        // At once: the last crates of one build would be compiled by one core each.
+        run_cargo(&["build", "--workspace", "--lib", "--bins", "--tests", "--examples"], &list)?;
+        let documentation = scope.spawn(|| run_documentation(&list));
+        let result = run_cargo(&arguments, &list);
+        let documentation = joined(documentation);
+        let examples = run_examples(&list);
+        let python = joined(environment).and_then(|made| match made {
+            Some(environment) => python::run(&environment, &list, slow),
+            None => Ok(()),
+        });
+        result.and(documentation).and(examples).and(python)
+    });
     eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
-    result.and(documentation).and(examples).and(python)
+    result
+}
+
+fn run_documentation(list: &Path) -> Result<(), Failure> {
+    let arguments = ["test", "--workspace", "--doc", "--quiet"];
+    run_beside(&mut test_command(&arguments, list))
+}
+
+fn joined<T>(thread: ScopedJoinHandle<'_, Result<T, Failure>>) -> Result<T, Failure> {
+    thread.join().unwrap_or_else(|_| Err(Failure::new("a thread of this program panicked")))
 }
 
 /// How many tests run side by side: many wait for servers, browsers or windows, and others run meanwhile.
@@ -63,7 +85,11 @@ pub(crate) fn threads() -> usize {
 
 /// Runs the tests of the Python package alone.
 pub(crate) fn run_python() -> Result<(), Failure> {
-    python::run(&skipped_list()?, false)
+    let list = skipped_list()?;
+    match Environment::prepare(&list)? {
+        Some(environment) => python::run(&environment, &list, false),
+        None => Ok(()),
+    }
 }
 
 /// Where tests say that they are left out, and why.
@@ -120,15 +146,20 @@ fn summary(skipped: &str, slow: bool) -> String {
     text
 }
 
-/// Runs cargo; tests learn where the real models and images are, and where to say what they leave out.
-pub(crate) fn run_cargo(arguments: &[&str], list: &Path) -> Result<(), Failure> {
-    eprintln!("> cargo {}", arguments.join(" "));
-    let mut command: Command = cargo_command(arguments);
+/// A command of cargo; tests learn where the real models and images are, and where to say what they leave out.
+fn test_command(arguments: &[&str], list: &Path) -> Command {
+    let mut command = cargo_command(arguments);
     command.env("FANTEX_SKIPPED", list);
     if let Some(data) = data_folder() {
         command.env("FANTEX_DATA", data);
     }
-    run_command(&mut command)
+    command
+}
+
+/// Runs such a command.
+pub(crate) fn run_cargo(arguments: &[&str], list: &Path) -> Result<(), Failure> {
+    eprintln!("> cargo {}", arguments.join(" "));
+    run_command(&mut test_command(arguments, list))
 }
 
 /// Debian's packages: software Vulkan, a virtual display, and the libraries that a window loads at run time.

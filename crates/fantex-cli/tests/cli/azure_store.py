@@ -23,7 +23,7 @@ import urllib.parse
 import xml.etree.ElementTree
 
 import folder_store
-from folder_store import counts, faults, happens, lock, serve
+from folder_store import Content, counts, digest, faults, happens, lock, serve
 
 FOLDER, CONTAINER, ACCOUNT, KEY, TOKEN, PUBLIC = sys.argv[1:7]
 SIGNED_HEADERS = (
@@ -104,8 +104,7 @@ class Handler(folder_store.Handler):
 
     @staticmethod
     def tag(place):
-        with open(place, "rb") as file:
-            return '"0x8D%s"' % hashlib.md5(file.read()).hexdigest()[:13].upper()
+        return '"0x8D%s"' % digest(place)[:13].upper()
 
     def may_make(self, place):
         """Whether the request's condition holds; else it is answered. Called under the lock."""
@@ -139,8 +138,7 @@ class Handler(folder_store.Handler):
             return
         if not os.path.isfile(place):
             return self.fail(404, "BlobNotFound")
-        with open(place, "rb") as file:
-            content = file.read()
+        content = Content(place)
         headers = [("ETag", self.tag(place)), *metadata.get(self.key, [])]
         if self.command == "HEAD":
             return self.answer(200, b"", headers)

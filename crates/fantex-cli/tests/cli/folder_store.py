@@ -1,8 +1,10 @@
 """What the stores of the tests (`object_store.py`, `azure_store.py`) have in common: files of a folder that are read in ranges, faults that happen
 so often, and counts. With the standard library alone."""
 
+import hashlib
 import http.server
 import json
+import os
 import re
 import threading
 import time
@@ -19,6 +21,36 @@ def happens(fault):
         left = faults.get(fault, 0)
         faults[fault] = max(left - 1, 0)
         return left > 0
+
+
+class Content:
+    """The bytes of a file, of which only those are read that are asked for."""
+
+    def __init__(self, place):
+        self.file = open(place, "rb")
+        self.length = os.fstat(self.file.fileno()).st_size
+
+    def __len__(self):
+        return self.length
+
+    def __getitem__(self, span):
+        first, last, _ = span.indices(self.length)
+        self.file.seek(first)
+        return self.file.read(max(last - first, 0))
+
+
+digests = {}
+
+
+def digest(place):
+    """The MD5 of a file, which is read again only where it has changed."""
+    found = os.stat(place)
+    state = (found.st_ino, found.st_size, found.st_mtime_ns)
+    known = digests.get(place)
+    if known is None or known[0] != state:
+        with open(place, "rb") as file:
+            known = digests[place] = (state, hashlib.md5(file.read()).hexdigest())
+    return known[1]
 
 
 class Handler(http.server.BaseHTTPRequestHandler):

@@ -24,7 +24,7 @@ import tempfile
 import urllib.parse
 
 import folder_store
-from folder_store import counts, faults, happens, lock, serve
+from folder_store import Content, counts, digest, faults, happens, lock, serve
 
 FOLDER, BUCKET, KEY_ID, SECRET, PUBLIC = sys.argv[1:6]
 MARK = "x-amz-meta-fantex-upload"
@@ -99,8 +99,7 @@ class Handler(folder_store.Handler):
 
     @staticmethod
     def tag(place):
-        with open(place, "rb") as file:
-            return '"%s"' % hashlib.md5(file.read()).hexdigest()
+        return '"%s"' % digest(place)
 
     def may_make(self, place):
         """Whether the request's condition holds; else it is answered. Called under the lock."""
@@ -127,8 +126,7 @@ class Handler(folder_store.Handler):
             return
         if not os.path.isfile(place):
             return self.fail(403, "AccessDenied") if faults.get("unlisted") else self.fail(404, "NoSuchKey")
-        with open(place, "rb") as file:
-            content = file.read()
+        content = Content(place)
         headers = [("ETag", self.tag(place))]
         if marks.get(self.key):
             headers.append((MARK, marks[self.key]))
@@ -196,15 +194,14 @@ class Handler(folder_store.Handler):
         version = self.headers.get("x-amz-copy-source-if-match")
         if version and version != self.tag(place):
             return self.fail(412, "PreconditionFailed")
-        with open(place, "rb") as file:
-            content = file.read()
+        content = Content(place)
         first, last = map(int, re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers["x-amz-copy-source-range"]).groups())
         if not first <= last < len(content):
             return self.fail(400, "InvalidArgument")
         # Smaller objects are copied whole.
         if len(content) <= MIN_PART:
             return self.fail(400, "InvalidRequest")
-        content = content if faults.get("whole") else content[first : last + 1]
+        content = content[:] if faults.get("whole") else content[first : last + 1]
         tag = self.take_part(number, content)
         if not tag:
             return None
