@@ -67,7 +67,8 @@ impl Default for CoverOptions {
 /// What is known of a triangle and its half fan while a mesh is covered, measured on landscapes.
 const BYTES_PER_TRIANGLE: u64 = 96;
 
-/// Covers a mesh. Deterministic on any number of threads; linear in the triangles, for each of which it takes some 100 bytes of memory.
+/// Covers a mesh. Deterministic on any number of threads; linear in the triangles, for each of which it takes some 100 bytes of memory beside
+/// the mesh's own.
 ///
 /// # Errors
 /// An empty or too large mesh, more triangles than the memory [allows](input::ReadLimits) that is left, or options out of range.
@@ -88,8 +89,8 @@ pub fn build_cover_while(
     check(mesh, options)?;
     let watch = Watch::new(goes_on);
     let triangles = mesh.triangles.len() as u64;
-    let what = format_args!("the cover of {}", counted(triangles, "triangle"));
-    let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
+    let what = format_args!("a mesh of {} and its cover", counted(triangles, "triangle"));
+    let _held = input::reserve(what, mesh.byte_len() + BYTES_PER_TRIANGLE * triangles)?;
     let started = Instant::now();
     watch.begin(time::ANGLES, 0)?;
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());

@@ -119,6 +119,16 @@ impl Mesh {
         }
     }
 
+    /// Bytes of memory that vertices, triangles and what belongs to them take, without materials and images.
+    pub fn byte_len(&self) -> u64 {
+        let CornerAttributes { normals, uv_sets, colors, tangents } = &self.corners;
+        let uv_sets: usize = uv_sets.iter().map(|set| size_of_val(&set[..])).sum();
+        let corners =
+            size_of_val(&normals[..]) + uv_sets + size_of_val(&colors[..]) + size_of_val(&tangents[..]);
+        let numbers = size_of_val(&self.triangle_materials[..]) + size_of_val(&self.parts.of_triangle[..]);
+        (size_of_val(&self.positions[..]) + size_of_val(&self.triangles[..]) + corners + numbers) as u64
+    }
+
     /// The bounding box of all vertices, mesh space; of no vertices the origin.
     pub fn bounds(&self) -> Aabb {
         let Some(&first) = self.positions.first() else { return Aabb { min: Vec3::ZERO, max: Vec3::ZERO } };

@@ -341,7 +341,8 @@ fn meshes_that_take_more_memory_than_is_allowed_are_refused() {
     assert_eq!(error.kind(), ErrorKind::TooLarge);
     let message = error.to_string();
     assert!(
-        message.contains("the cover of 20480 triangles would take 2 MiB of memory, 1 MiB are left"),
+        message
+            .contains("a mesh of 20480 triangles and its cover would take 3 MiB of memory, 1 MiB are left"),
         "{message}"
     );
     with(4 << 20).unwrap();
