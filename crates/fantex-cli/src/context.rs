@@ -432,6 +432,7 @@ impl<'a> Bar<'a> {
             self.name(word);
             self.bar.set_length(total);
             self.bar.set_position(0);
+            self.bar.reset_elapsed();
             self.done.store(0, Relaxed);
         }
         let before = self.done.fetch_max(done, Relaxed);
@@ -439,20 +440,25 @@ impl<'a> Bar<'a> {
     }
 }
 
-/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`, or the time alone of what counts nothing; what comes before is not counted.
+/// `12.0 of 64.0 M texels, 3.1 M texels/s, 17s left`, or the time alone of what counts nothing; what comes before is not counted. Of the first
+/// second nothing is concluded.
 fn write_amount(state: &ProgressState, millions: Option<&str>, text: &mut dyn fmt::Write) {
     let count = |count: f64| count / 1e6;
+    let (elapsed, done) = (state.elapsed(), state.pos() as f64);
+    let left = |total: u64| HumanDuration(elapsed.mul_f64((total as f64 - done).max(0.0) / done));
+    let is_known = done > 0.0 && elapsed > Duration::from_secs(1);
     let _drawing_cannot_fail = match (state.len(), millions) {
         (None, _) => text.write_str("preparing"),
-        (_, None) => write!(text, "{:#} left", HumanDuration(state.eta())),
-        (Some(total), Some(unit)) => write!(
-            text,
-            "{:.1} of {:.1} {unit}, {:.1} {unit}/s, {:#} left",
-            count(state.pos() as f64),
-            count(total as f64),
-            count(state.per_sec()),
-            HumanDuration(state.eta())
-        ),
+        (Some(total), None) if is_known => write!(text, "{:#} left", left(total)),
+        (Some(_), None) => Ok(()),
+        (Some(total), Some(unit)) => write!(text, "{:.1} of {:.1} {unit}", count(done), count(total as f64))
+            .and_then(|()| match is_known {
+                true => {
+                    let rate = count(done / elapsed.as_secs_f64());
+                    write!(text, ", {rate:.1} {unit}/s, {:#} left", left(total))
+                }
+                false => Ok(()),
+            }),
     };
 }
 
