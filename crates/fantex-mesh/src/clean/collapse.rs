@@ -1,4 +1,4 @@
-//! Models most of which collapses or is bent in single precision, because a few vertices lie far away.
+//! Models that single precision bends or lets collapse: because a few vertices lie far away, or because their file's numbers do.
 
 use fantex_base::Error;
 use glam::{DVec3, Vec3};
@@ -58,6 +58,21 @@ pub(super) fn problem(
          stray vertices (first: vertex {first}, counted from 0)",
         in_one_digit(spread)
     )))
+}
+
+/// How far numbers of single precision lie apart around the farthest of these positions; 0 where one of them is none of these numbers, or the step
+/// is small beside the model.
+pub(super) fn single_step(positions: &[DVec3], used: &[bool]) -> f64 {
+    let all =
+        || positions.par_iter().zip(used).with_min_len(BLOCK).filter(|(_, used)| **used).map(|(p, _)| *p);
+    if !all().all(|p| p.as_vec3().as_dvec3() == p) {
+        return 0.0;
+    }
+    let low = all().reduce(|| DVec3::INFINITY, DVec3::min);
+    let high = all().reduce(|| DVec3::NEG_INFINITY, DVec3::max);
+    let farthest = low.abs().max(high.abs()).max_element() as f32;
+    let step = f64::from(farthest.next_up()) - f64::from(farthest);
+    if step > 1e-5 * (high - low).max_element() { step } else { 0.0 }
 }
 
 fn has_area([a, b, c]: [DVec3; 3]) -> bool {

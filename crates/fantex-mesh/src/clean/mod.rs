@@ -105,6 +105,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     {
         return Err(problem);
     }
+    let step = collapse::single_step(&model.positions, &used);
     model.positions = Vec::new();
 
     // Step 3: weld.
@@ -120,6 +121,9 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
 
     // Step 4: drop triangles without area, then repeated ones.
     report.triangles_degenerate = surface.retain(|t| !exact::has_no_area(t.map(|v| positions[v as usize])));
+    if report.triangles_degenerate > report.triangles_in / 8 {
+        report.coordinate_step = step;
+    }
     if surface.triangles.is_empty() {
         return Err(nothing_left(report, &model.name));
     }
@@ -425,6 +429,8 @@ pub struct CleanReport {
     pub vertices_near: u64,
     /// A millionth of the model's size, in world units; 0 where none were counted.
     pub near_distance: f64,
+    /// How far numbers of single precision lie apart where the model is, world units, if it may be for that that much of it has no area; else 0.
+    pub coordinate_step: f64,
     /// The cleaned mesh.
     pub topology: Topology,
 }
@@ -464,6 +470,13 @@ impl CleanReport {
         let sentence = |(n, noun, fact)| format!("{} {fact}.", counted(n, noun));
         let mut lines: Vec<String> = findings.into_iter().filter(|f| f.0 > 0).map(sentence).collect();
         lines.extend(self.line_of_near());
+        if self.coordinate_step > 0.0 {
+            lines.push(format!(
+                "Coordinates are numbers of single precision, which lie {} apart there, and much of the model has no area: write it relative to an \
+                 origin nearby, or in double precision.",
+                in_two_digits(self.coordinate_step)
+            ));
+        }
         lines
     }
 

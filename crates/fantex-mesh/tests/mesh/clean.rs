@@ -792,6 +792,22 @@ fn findings_are_counted_in_words() {
     );
 }
 
+/// At half a million, numbers of single precision lie 1/32 apart.
+#[test]
+fn coordinates_too_far_from_the_origin_for_their_file_are_told() {
+    let told = |round: bool, at: f64| {
+        let mut ball = icosphere(5);
+        for p in &mut ball.positions {
+            *p += DVec3::new(at, 0.0, at);
+            *p = if round { p.as_vec3().as_dvec3() } else { *p };
+        }
+        let report = try_clean(ball).unwrap().1;
+        report.lines().iter().any(|line| line.contains("lie 0.032 apart there"))
+    };
+    assert!(told(true, 500_000.0));
+    assert!(!told(false, 500_000.0) && !told(true, 10.0));
+}
+
 /// Two triangles beside each other, each with vertices of its own: a seam only where their texture coordinates differ.
 #[test]
 fn seams_of_texture_coordinates_are_nothing_to_speak_of() {
