@@ -48,10 +48,18 @@ pub fn displace(
     options: &DisplaceOptions,
     height: impl Fn(&DisplacePoint) -> f32 + Sync,
 ) -> Result<(Mesh, DisplaceReport)> {
+    displaced(mesh, options, &height)
+}
+
+/// The height along the normal at a point.
+type Height<'h> = &'h (dyn Fn(&DisplacePoint) -> f32 + Sync);
+
+// Compiled once, not for every function that says a height.
+fn displaced(mesh: &Mesh, options: &DisplaceOptions, height: Height<'_>) -> Result<(Mesh, DisplaceReport)> {
     options.check()?;
-    let vertices = displaced_vertices(mesh, &height)?;
+    let vertices = displaced_vertices(mesh, height)?;
     let pieces = whole_triangles(mesh);
-    let mut tessellation = Tessellation { vertices, pieces, height: &height, facets: Vec::new() };
+    let mut tessellation = Tessellation { vertices, pieces, height, facets: Vec::new() };
     let mut rounds = 0;
     while tessellation.refine(options.refinement.limits(), options.max_triangles)? > 0 {
         rounds += 1;
@@ -157,7 +165,7 @@ fn is_bent(a: Vec3, b: Vec3) -> bool {
 }
 
 /// The mesh's own vertices: their normal is the mean of the shading normals at their corners, weighted by angle.
-fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sync)) -> Result<Vec<Vertex>> {
+fn displaced_vertices(mesh: &Mesh, height: Height<'_>) -> Result<Vec<Vertex>> {
     let normals = shading_normals(mesh);
     let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let of_vertex = |v: usize| {
@@ -370,10 +378,10 @@ impl Vertex {
     }
 }
 
-struct Tessellation<'h, H> {
+struct Tessellation<'h> {
     vertices: Vec<Vertex>,
     pieces: Vec<Piece>,
-    height: &'h H,
+    height: Height<'h>,
     /// Unit normals of the mesh's triangles, where vertices that are bent are to be known.
     facets: Vec<Vec3>,
 }
@@ -381,7 +389,7 @@ struct Tessellation<'h, H> {
 /// An edge of a piece: its vertices in ascending order, and the number of its first corner.
 type Side = (u64, u32);
 
-impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
+impl Tessellation<'_> {
     /// Cuts once all edges that need it; returns how many.
     fn refine(&mut self, limits: Limits, max_triangles: u64) -> Result<usize> {
         // Step 1: the sides that may be cut, those of one edge next to each other.
@@ -522,13 +530,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     }
 }
 
-fn height_at(
-    height: &impl Fn(&DisplacePoint) -> f32,
-    triangle: u32,
-    lambda: Vec3,
-    position: Vec3,
-    normal: Vec3,
-) -> Result<f64> {
+fn height_at(height: Height<'_>, triangle: u32, lambda: Vec3, position: Vec3, normal: Vec3) -> Result<f64> {
     let height = height(&DisplacePoint { at: SurfacePoint { triangle, lambda }, position, normal });
     if height.is_finite() {
         return Ok(height.into());
