@@ -60,13 +60,10 @@ pub struct SceneView {
     /// In the order in which they were asked for.
     awaited: Vec<Awaited>,
     last_stream_seconds: Option<f64>,
-    /// Whether nobody looks at pictures of what is not there yet.
-    is_unwatched: bool,
 }
 
 impl SceneView {
-    /// `is_unwatched` as in sessions.
-    pub fn new(gpu: Arc<Gpu>, is_unwatched: bool) -> Self {
+    pub fn new(gpu: Arc<Gpu>) -> Self {
         Self {
             renderer: Renderer::new(&gpu, FORMAT),
             gpu,
@@ -77,7 +74,6 @@ impl SceneView {
             captures: Vec::new(),
             awaited: Vec::new(),
             last_stream_seconds: None,
-            is_unwatched,
         }
     }
 
@@ -131,9 +127,6 @@ impl SceneView {
             viewer.figures = figures;
         } else {
             viewer.figures = StreamFigures::default();
-        }
-        if self.is_unwatched && !model.is_settled() {
-            return Ok(false);
         }
         let Draw::Scaled(scale) = viewer.pacing.next(seconds, viewer.settings.display.is_adaptive) else {
             return Ok(false);

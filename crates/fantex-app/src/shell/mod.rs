@@ -192,7 +192,7 @@ impl<'a> Shell<'a> {
             context.egui_ctx.add_plugin(strip::Strip::default());
         }
         Some(Self {
-            scene: SceneView::new(gpu, workspace.is_unwatched),
+            scene: SceneView::new(gpu),
             render_state,
             scene_texture: None,
             kept_texture: None,
