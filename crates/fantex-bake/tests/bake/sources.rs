@@ -55,7 +55,7 @@ fn assert_gives(
 #[test]
 fn vertex_colors_are_interpolated() {
     let mut mesh = cleaned(generate::grid(5));
-    assert_eq!(VertexColorSource::new(&mesh).unwrap_err().kind(), ErrorKind::NotFound);
+    assert_eq!(VertexColorSource::new(&mesh).unwrap_err().kind(), ErrorKind::InvalidArgument);
     let color = |p: Vec3| Vec4::new(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.z, 0.25, 0.75 + 0.25 * p.x);
     mesh.corners.colors = corner_positions(&mesh).into_iter().map(color).collect();
     let source = VertexColorSource::new(&mesh).unwrap();
