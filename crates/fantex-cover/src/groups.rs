@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use arrayvec::ArrayVec;
 use fantex_base::Result;
 use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
@@ -15,7 +16,7 @@ use crate::nominal::{Demand, NominalDensity};
 use crate::partition::{Connector, Cutting, FanSet, Partition, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
-use crate::unroll::{FlatCorners, MAX_CORNERS};
+use crate::unroll::{FlatCorners, Lying, MAX_CORNERS};
 use crate::watch::{Watch, time};
 use crate::{Frame, MAX_EXTENT};
 
@@ -64,6 +65,11 @@ impl Patch {
         let density = distortion.aspect() * factor * self.density;
         let Self { layout, corners, length, .. } = self;
         Laid { frame, min, region, density, fan, fans: length, layout, corners, folds: false }
+    }
+
+    /// As it lies, with its fans.
+    fn lying<'a>(&'a self, fans: &'a [u32]) -> Lying<'a> {
+        Lying { fans, frame: &self.flat.frame, corners: &self.corners }
     }
 
     /// See [`cost`](crate::cost).
@@ -696,7 +702,10 @@ impl Unrolling<'_> {
         patches().for_each(|p| demand.add(&p.demand));
         let first = patches().next()?;
         let density = demand.density().unwrap_or(first.density);
-        let (flat, corners) = flattener.unroll(builder.surface, &fans, &builder.free_limits(density))?;
+        let lying = |&p: &u32| Some(self.patches[p as usize].as_ref()?.lying(&self.fans[p as usize]));
+        let lying: ArrayVec<Lying<'_>, 2> = parts.iter().filter_map(lying).collect();
+        let limits = builder.free_limits(density);
+        let (flat, corners) = flattener.unroll(builder.surface, &fans, &lying, &limits)?;
         let steepest_fan = patches().map(|p| p.steepest_fan).fold(1.0, f32::min);
         let longest_spoke = patches().map(|p| p.longest_spoke).fold(0.0, f32::max);
         let (length, layout) = (fans.len() as u32, Layout::Unfolded);
