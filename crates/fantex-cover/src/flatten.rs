@@ -179,8 +179,9 @@ impl Flattener {
         fans: &[u32],
         lying: &[Lying<'_>],
         limits: &FlatLimits,
+        ratio: impl Fn(&Flat, usize) -> f32,
     ) -> Option<(Flat, FlatCorners)> {
-        self.unroller.unroll(surface, fans, lying, limits, &mut self.rectangles)
+        self.unroller.unroll(surface, fans, lying, limits, &mut self.rectangles, ratio)
     }
 }
 

@@ -28,6 +28,11 @@ const MIN_COSINE: f32 = -0.5;
 /// Rounds of the relaxation.
 const ROUNDS: usize = 12;
 
+/// What begins spread in a circle is given up after so many rounds if it overlaps itself or costs more than so many times what there is. It
+/// takes ten rounds in the mean, twice as many as the others together, and one of nine is kept.
+const SPREAD_ROUNDS: usize = 4;
+const MAX_SPREAD_RATIO: f32 = 1.2;
+
 /// What is tried for points that two parts of a group have at different places.
 const SHARES: [f64; 3] = [0.5, 0.0, 1.0];
 
@@ -80,7 +85,8 @@ pub(crate) struct Unroller {
 }
 
 impl Unroller {
-    /// Lays connected fans flat, from where the parts lie that they come in, if any are given; `None` where that does not succeed.
+    /// Lays connected fans flat, from where the parts lie that they come in, if any are given; `None` where that does not succeed, or most
+    /// probably costs too much: `ratio` is the cost, with so many corners, to that of what there is.
     pub(crate) fn unroll(
         &mut self,
         surface: &Surface<'_>,
@@ -88,13 +94,21 @@ impl Unroller {
         lying: &[Lying<'_>],
         limits: &FlatLimits,
         rectangles: &mut RectangleFinder,
+        ratio: impl Fn(&Flat, usize) -> f32,
     ) -> Option<(Flat, FlatCorners)> {
         self.find_parts(surface, fans)?;
         let direction = self.direction(surface)?;
         let points = self.glue(surface, fans)?;
         self.sheet.find_edges()?;
-        self.start(surface, fans, lying, points)?;
-        self.sheet.relax(ROUNDS);
+        let is_spread = self.start(surface, fans, lying, points)?;
+        let mut rounds = ROUNDS;
+        if is_spread && !self.sheet.relax(SPREAD_ROUNDS) {
+            self.sheet.is_injective().then_some(())?;
+            let (flat, corners) = self.enclose(surface, fans[0], direction, limits, rectangles);
+            (ratio(&flat, corners.len()) <= MAX_SPREAD_RATIO).then_some(())?;
+            rounds -= SPREAD_ROUNDS;
+        }
+        self.sheet.relax(rounds);
         self.sheet.is_injective().then_some(())?;
         Some(self.enclose(surface, fans[0], direction, limits, rectangles))
     }
@@ -160,24 +174,24 @@ impl Unroller {
         Some(count)
     }
 
-    /// Places all points so that no triangle is turned over.
+    /// Places all points so that no triangle is turned over. True where they are only spread in a circle.
     fn start(
         &mut self,
         surface: &Surface<'_>,
         fans: &[u32],
         lying: &[Lying<'_>],
         points: usize,
-    ) -> Option<()> {
+    ) -> Option<bool> {
         match *fans {
             [fan] => self.start_with(surface, fan, &unfold(surface, fan as usize)?, points),
             _ => self.sheet.hinge(points),
         }
         let mut shares = SHARES.into_iter();
         if self.sheet.is_upright() || shares.any(|share| self.start_beside(surface, lying, share, points)) {
-            return Some(());
+            return Some(false);
         }
         self.sheet.spread_in_circle()?;
-        self.sheet.is_upright().then_some(())
+        self.sheet.is_upright().then_some(true)
     }
 
     /// Every point where the parts of the group have it, each part turned and moved to where it fits best to those before; points of several
@@ -307,7 +321,7 @@ mod tests {
     const LIMITS: FlatLimits = FlatLimits { delta: 0.0625, pad: 0.0, facing: 0.0 };
 
     fn unrolled(surface: &Surface<'_>, fans: &[u32]) -> Option<(Flat, FlatCorners)> {
-        Unroller::default().unroll(surface, fans, &[], &LIMITS, &mut RectangleFinder::default())
+        Unroller::default().unroll(surface, fans, &[], &LIMITS, &mut RectangleFinder::default(), |_, _| 0.0)
     }
 
     /// The triangles of a group, each once.
@@ -354,7 +368,7 @@ mod tests {
         let surface = surface(&mesh);
         let mut unroller = Unroller::default();
         let mut unroll = |fans: &[u32], lying: &[Lying<'_>]| {
-            unroller.unroll(&surface, fans, lying, &LIMITS, &mut RectangleFinder::default())
+            unroller.unroll(&surface, fans, lying, &LIMITS, &mut RectangleFinder::default(), |_, _| 0.0)
         };
         let (mut found, mut errors) = ([0; 2], [0.0; 2]);
         for seed in 0..surface.fans.len() {
