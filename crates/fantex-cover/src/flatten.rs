@@ -13,7 +13,7 @@ use crate::fan_shape::{Layout, unfold};
 use crate::injective::{OverlapFinder, Wedge};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::Surface;
-use crate::unroll::{FlatCorners, Unroller};
+use crate::unroll::{FlatCorners, Lying, Unroller};
 
 /// A finished group, before its tile is sized. `min` and `region` are mesh units along the frame's axes, relative to the
 /// frame's origin.
@@ -172,18 +172,16 @@ impl Flattener {
         Some((Flat { frame, min, region, cos: cone.cos, distortion, outline: Box::default() }, corners))
     }
 
-    /// Lays connected fans flat freely; `None` where that does not succeed.
+    /// Lays connected fans flat freely, from where the parts lie that they come in; `None` where that does not succeed.
     pub(crate) fn unroll(
         &mut self,
         surface: &Surface<'_>,
         fans: &[u32],
+        lying: &[Lying<'_>],
         limits: &FlatLimits,
+        ratio: impl Fn(&Flat, usize) -> f32,
     ) -> Option<(Flat, FlatCorners)> {
-        let start = match *fans {
-            [fan] => Some(unfold(surface, fan as usize)?),
-            _ => None,
-        };
-        self.unroller.unroll(surface, fans, start.as_deref(), limits, &mut self.rectangles)
+        self.unroller.unroll(surface, fans, lying, limits, &mut self.rectangles, ratio)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use arrayvec::ArrayVec;
 use fantex_base::Result;
 use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
@@ -15,7 +16,7 @@ use crate::nominal::{Demand, NominalDensity};
 use crate::partition::{Connector, Cutting, FanSet, Partition, partition};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
-use crate::unroll::{FlatCorners, MAX_CORNERS};
+use crate::unroll::{FlatCorners, Lying, MAX_CORNERS};
 use crate::watch::{Watch, time};
 use crate::{Frame, MAX_EXTENT};
 
@@ -66,10 +67,14 @@ impl Patch {
         Laid { frame, min, region, density, fan, fans: length, layout, corners, folds: false }
     }
 
+    /// As it lies, with its fans.
+    fn lying<'a>(&'a self, fans: &'a [u32]) -> Lying<'a> {
+        Lying { fans, frame: &self.flat.frame, corners: &self.corners }
+    }
+
     /// See [`cost`](crate::cost).
     pub(crate) fn cost(&self) -> f32 {
-        let region = self.flat.region.scaled(Vec2::splat(self.density));
-        self.flat.distortion.cost(region, self.density * self.density, self.corners.len())
+        flat_cost(&self.flat, self.density, self.corners.len())
     }
 
     /// Texels that its surface asks for.
@@ -83,6 +88,11 @@ impl Patch {
         demand.add(&other.demand);
         demand.density().unwrap_or(self.density)
     }
+}
+
+/// What a group costs at a density, with so many unfolded corners.
+fn flat_cost(flat: &Flat, density: f32, corners: usize) -> f32 {
+    flat.distortion.cost(flat.region.scaled(Vec2::splat(density)), density * density, corners)
 }
 
 /// The filter margin of both sides, mesh units.
@@ -696,7 +706,12 @@ impl Unrolling<'_> {
         patches().for_each(|p| demand.add(&p.demand));
         let first = patches().next()?;
         let density = demand.density().unwrap_or(first.density);
-        let (flat, corners) = flattener.unroll(builder.surface, &fans, &builder.free_limits(density))?;
+        let lying = |&p: &u32| Some(self.patches[p as usize].as_ref()?.lying(&self.fans[p as usize]));
+        let lying: ArrayVec<Lying<'_>, 2> = parts.iter().filter_map(lying).collect();
+        let limits = builder.free_limits(density);
+        let apart: f32 = patches().map(Patch::cost).sum();
+        let ratio = |flat: &Flat, corners: usize| flat_cost(flat, density, corners) / apart;
+        let (flat, corners) = flattener.unroll(builder.surface, &fans, &lying, &limits, ratio)?;
         let steepest_fan = patches().map(|p| p.steepest_fan).fold(1.0, f32::min);
         let longest_spoke = patches().map(|p| p.longest_spoke).fold(0.0, f32::max);
         let (length, layout) = (fans.len() as u32, Layout::Unfolded);
@@ -705,7 +720,6 @@ impl Unrolling<'_> {
             Patch { start, length, flat, layout, corners, demand, density, steepest_fan, longest_spoke };
         let size = union.flat.region.size * density;
         let fits = may_share(size, longest_spoke * density, builder.limits.extent_texels);
-        let apart: f32 = patches().map(Patch::cost).sum();
         (fits && union.cost() < (1.0 - MIN_UNROLLING_GAIN) * apart).then_some(union)
     }
 

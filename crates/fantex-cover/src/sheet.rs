@@ -304,8 +304,8 @@ impl Sheet {
     }
 
     /// Brings the triangles as near to their own shapes as their neighbours let them, and turns none over: least symmetric Dirichlet energy, by a
-    /// quadratic stand-in for it in every round (M. Rabinovich and others, "Scalable Locally Injective Mappings", 2017).
-    pub fn relax(&mut self, rounds: usize) {
+    /// quadratic stand-in for it in every round (M. Rabinovich and others, "Scalable Locally Injective Mappings", 2017). False where more rounds would go on.
+    pub fn relax(&mut self, rounds: usize) -> bool {
         self.find_links();
         let Self { pieces, places, held, solver, links, link_of, moved, .. } = self;
         let least = 4.0 * pieces.iter().map(|piece| piece.area).sum::<f64>();
@@ -346,14 +346,15 @@ impl Sheet {
                 moved.extend(places.iter().zip(direction).map(|(&place, &way)| place + step * way));
                 Some(self::energy(pieces, moved)).filter(|&next| next < energy)
             });
-            let Some(next) = lower else { return };
+            let Some(next) = lower else { return true };
             std::mem::swap(places, moved);
             let gain = energy - next;
             energy = next;
             if gain < MIN_GAIN * energy || gain < 0.01 * (energy - least) {
-                return;
+                return true;
             }
         }
+        false
     }
 
     /// The edges, each once.

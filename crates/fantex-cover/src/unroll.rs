@@ -1,8 +1,8 @@
 //! Lays groups flat freely, as nearly rigid as it goes: across creases, where no direction sees them.
 //!
-//! Triangles are hinged into the plane one after the other; where that turns one over, the group's border is laid around a circle and the rest
-//! between. From there every triangle is brought as near to its own shape as its neighbours let it, without turning any over. What overlaps itself
-//! in the end is refused.
+//! Triangles are hinged into the plane one after the other; where that turns one over, the parts of a union are laid beside each other as each lies by
+//! itself; where these overlap, the group's border is laid around a circle and the rest between. From there every triangle is brought as near to its own
+//! shape as its neighbours let it, without turning any over. What overlaps itself in the end is refused.
 
 use fantex_base::UnionFind;
 use fantex_mesh::FanCorner;
@@ -10,6 +10,7 @@ use glam::{DVec2, Vec2, Vec3};
 
 use crate::Frame;
 use crate::cost::{Distortion, Region};
+use crate::fan_shape::unfold;
 use crate::flatten::{Flat, FlatLimits, outline_length, outline_points};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::sheet::Sheet;
@@ -26,6 +27,41 @@ const MIN_COSINE: f32 = -0.5;
 
 /// Rounds of the relaxation.
 const ROUNDS: usize = 12;
+
+/// What begins spread in a circle is given up after so many rounds if it overlaps itself or costs more than so many times what there is. It
+/// takes ten rounds in the mean, twice as many as the others together, and one of nine is kept.
+const SPREAD_ROUNDS: usize = 4;
+const MAX_SPREAD_RATIO: f32 = 1.2;
+
+/// What is tried for points that two parts of a group have at different places.
+const SHARES: [f64; 3] = [0.5, 0.0, 1.0];
+
+/// A part of a group, as it lies by itself.
+pub(crate) struct Lying<'a> {
+    pub(crate) fans: &'a [u32],
+    pub(crate) frame: &'a Frame,
+    /// As in [`FlatCorners`]; none where it is projected.
+    pub(crate) corners: &'a [(u32, [Vec2; 3])],
+}
+
+impl Lying<'_> {
+    /// Where the corners of one of its triangles lie.
+    fn places(&self, surface: &Surface<'_>, triangle: usize) -> Option<[Vec2; 3]> {
+        if self.corners.is_empty() {
+            let Frame { origin, x_axis, .. } = *self.frame;
+            let y_axis = self.frame.y_axis();
+            let at = |p: Vec3| Vec2::new((p - origin).dot(x_axis), (p - origin).dot(y_axis));
+            return Some(surface.mesh.triangle_positions(triangle).map(at));
+        }
+        let triangle_of = |corner: &(u32, [Vec2; 3])| corner.0 as usize / 3;
+        // A lone fan's are in its own order, others' ascend.
+        let found = match self.fans {
+            [_] => self.corners.iter().position(|corner| triangle_of(corner) == triangle),
+            _ => self.corners.binary_search_by_key(&triangle, triangle_of).ok(),
+        };
+        found.map(|i| self.corners[i].1)
+    }
+}
 
 /// A triangle of the group.
 struct Part {
@@ -44,31 +80,35 @@ pub(crate) struct Unroller {
     points: Vec<u32>,
     /// The parts.
     sheet: Sheet,
+    /// Of each point where a part of the group has it by itself.
+    own: Vec<DVec2>,
 }
 
 impl Unroller {
-    /// Lays connected fans flat, from the places of a single fan's triangles if given; `None` where that does not succeed.
+    /// Lays connected fans flat, from where the parts lie that they come in, if any are given; `None` where that does not succeed, or most
+    /// probably costs too much: `ratio` is the cost, with so many corners, to that of what there is.
     pub(crate) fn unroll(
         &mut self,
         surface: &Surface<'_>,
         fans: &[u32],
-        start: Option<&[[Vec2; 3]]>,
+        lying: &[Lying<'_>],
         limits: &FlatLimits,
         rectangles: &mut RectangleFinder,
+        ratio: impl Fn(&Flat, usize) -> f32,
     ) -> Option<(Flat, FlatCorners)> {
         self.find_parts(surface, fans)?;
         let direction = self.direction(surface)?;
         let points = self.glue(surface, fans)?;
         self.sheet.find_edges()?;
-        match start {
-            Some(planar) => self.start_with(surface, fans[0], planar, points),
-            None => self.sheet.hinge(points),
+        let is_spread = self.start(surface, fans, lying, points)?;
+        let mut rounds = ROUNDS;
+        if is_spread && !self.sheet.relax(SPREAD_ROUNDS) {
+            self.sheet.is_injective().then_some(())?;
+            let (flat, corners) = self.enclose(surface, fans[0], direction, limits, rectangles);
+            (ratio(&flat, corners.len()) <= MAX_SPREAD_RATIO).then_some(())?;
+            rounds -= SPREAD_ROUNDS;
         }
-        if !self.sheet.is_upright() {
-            self.sheet.spread_in_circle()?;
-            self.sheet.is_upright().then_some(())?;
-        }
-        self.sheet.relax(ROUNDS);
+        self.sheet.relax(rounds);
         self.sheet.is_injective().then_some(())?;
         Some(self.enclose(surface, fans[0], direction, limits, rectangles))
     }
@@ -132,6 +172,72 @@ impl Unroller {
             self.sheet.push(surface.fan_triangle(part.corner), points, corners).then_some(())?;
         }
         Some(count)
+    }
+
+    /// Places all points so that no triangle is turned over. True where they are only spread in a circle.
+    fn start(
+        &mut self,
+        surface: &Surface<'_>,
+        fans: &[u32],
+        lying: &[Lying<'_>],
+        points: usize,
+    ) -> Option<bool> {
+        match *fans {
+            [fan] => self.start_with(surface, fan, &unfold(surface, fan as usize)?, points),
+            _ => self.sheet.hinge(points),
+        }
+        let mut shares = SHARES.into_iter();
+        if self.sheet.is_upright() || shares.any(|share| self.start_beside(surface, lying, share, points)) {
+            return Some(false);
+        }
+        self.sheet.spread_in_circle()?;
+        self.sheet.is_upright().then_some(true)
+    }
+
+    /// Every point where the parts of the group have it, each part turned and moved to where it fits best to those before; points of several
+    /// of them between, with a share of the way to the later one. False where no two points would do, or where that overlaps itself.
+    fn start_beside(
+        &mut self,
+        surface: &Surface<'_>,
+        lying: &[Lying<'_>],
+        share: f64,
+        points: usize,
+    ) -> bool {
+        let Self { parts, points: numbers, sheet, own, .. } = self;
+        let places = sheet.places();
+        places.clear();
+        places.resize(points, DVec2::NAN);
+        for (i, lying) in lying.iter().enumerate() {
+            own.clear();
+            own.resize(points, DVec2::NAN);
+            for corner in lying.fans.iter().flat_map(|&fan| surface.fans.corners(fan as usize)) {
+                let triangle = corner.triangle();
+                let part = parts.binary_search_by_key(&triangle, |part| part.corner.triangle());
+                let (Ok(part), Some(at)) = (part, lying.places(surface, triangle)) else { return false };
+                for (slot, at) in at.into_iter().enumerate() {
+                    own[numbers[3 * part + slot] as usize] = at.as_dvec2();
+                }
+            }
+            let common =
+                || std::iter::zip(&*places, &*own).filter(|(to, from)| !to.is_nan() && !from.is_nan());
+            let count = common().count();
+            if i > 0 && count < 2 {
+                return false;
+            }
+            let scale = 1.0 / count.max(1) as f64;
+            let [to, from] =
+                [0, 1].map(|k| common().map(|pair| [*pair.0, *pair.1][k]).sum::<DVec2>() * scale);
+            let turn = common().map(|(a, b)| {
+                let (a, b) = (*a - to, *b - from);
+                DVec2::new(b.dot(a), b.perp_dot(a))
+            });
+            let turn = turn.sum::<DVec2>().normalize_or(DVec2::X);
+            for (place, own) in places.iter_mut().zip(&*own).filter(|(_, own)| !own.is_nan()) {
+                let own = to + turn.rotate(*own - from);
+                *place = if place.is_nan() { own } else { place.lerp(own, share) };
+            }
+        }
+        sheet.is_injective()
     }
 
     /// Every point once where the triangles of a single fan have been laid.
@@ -215,7 +321,7 @@ mod tests {
     const LIMITS: FlatLimits = FlatLimits { delta: 0.0625, pad: 0.0, facing: 0.0 };
 
     fn unrolled(surface: &Surface<'_>, fans: &[u32]) -> Option<(Flat, FlatCorners)> {
-        Unroller::default().unroll(surface, fans, None, &LIMITS, &mut RectangleFinder::default())
+        Unroller::default().unroll(surface, fans, &[], &LIMITS, &mut RectangleFinder::default(), |_, _| 0.0)
     }
 
     /// The triangles of a group, each once.
@@ -248,6 +354,42 @@ mod tests {
             }
         }
         assert!((flat.distortion.error(Vec2::ONE) / flat.distortion.area() - 1.0).abs() < 1e-2);
+    }
+
+    /// Laid from where its parts lie, a union succeeds as often as from a circle, and ends no worse.
+    #[test]
+    fn unions_begin_where_their_parts_lie() {
+        let mut random = Random::new(3);
+        let mut model = generate::icosphere(3);
+        for p in &mut model.positions {
+            *p *= 1.0 + 0.4 * (random.unit() - 0.5);
+        }
+        let mesh = cleaned(model);
+        let surface = surface(&mesh);
+        let mut unroller = Unroller::default();
+        let mut unroll = |fans: &[u32], lying: &[Lying<'_>]| {
+            unroller.unroll(&surface, fans, lying, &LIMITS, &mut RectangleFinder::default(), |_, _| 0.0)
+        };
+        let (mut found, mut errors) = ([0; 2], [0.0; 2]);
+        for seed in 0..surface.fans.len() {
+            let ring = |&corner: &FanCorner| surface.fans.of_triangle(corner.triangle())[corner.slots()[1]];
+            let fans: Vec<u32> =
+                surface.fans.corners(seed).iter().map(ring).take(4).chain([seed as u32]).collect();
+            let parts = [&fans[..2], &fans[2..]];
+            let [Some(one), Some(other)] = parts.map(|fans| unroll(fans, &[])) else { continue };
+            let lying: Vec<Lying<'_>> = std::iter::zip(parts, [&one, &other])
+                .map(|(fans, (flat, corners))| Lying { fans, frame: &flat.frame, corners })
+                .collect();
+            let unions = [unroll(&fans, &[]), unroll(&fans, &lying)];
+            let error = |(flat, _): &(Flat, FlatCorners)| flat.distortion.error(Vec2::ONE);
+            let is_both = unions.iter().all(Option::is_some);
+            for (k, union) in unions.iter().enumerate() {
+                found[k] += usize::from(union.is_some());
+                errors[k] += if is_both { union.as_ref().map_or(0.0, error) } else { 0.0 };
+            }
+        }
+        assert!(found[1] >= found[0] && found[0] > surface.fans.len() / 2, "{found:?}");
+        assert!(errors[1] <= errors[0], "{errors:?}");
     }
 
     /// Groups of crumpled fans come out upright and lie in one layer, or are refused.
