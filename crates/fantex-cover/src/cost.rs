@@ -109,6 +109,14 @@ pub(crate) fn take_cube_roots<const COUNT: usize>(numbers: &mut [f32; COUNT]) {
     }
 }
 
+/// The same at least, of nothing shrunk: with so many texels and so long an outline, or a disc's if that is longer, in blocks or, if it may be, in a
+/// square without gaps.
+pub(crate) fn least_unfolded_cost(texels: f32, outline: f32, corners: usize, may_be_square: bool) -> f32 {
+    let outline = outline.max(2.0 * (std::f32::consts::PI * texels).sqrt());
+    let side = if may_be_square { texels.sqrt() } else { f32::INFINITY };
+    unfolded_cost(texels, &Region { size: Vec2::splat(side), area: texels, outline }, corners)
+}
+
 /// The direction in which facets of given normals and areas are seen with the least error, nearly, from a first guess: the
 /// error's gradient weighs normals by the inverse fifth power of their cosine.
 pub(crate) fn direction(facets: impl Iterator<Item = (Vec3, f32)> + Clone, mut guess: Vec3) -> Vec3 {

@@ -8,7 +8,7 @@ use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::cost::{Region, unfolded_cost};
+use crate::cost::{Region, least_unfolded_cost};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
@@ -65,11 +65,6 @@ impl Patch {
         let density = distortion.aspect() * factor * self.density;
         let Self { layout, corners, length, .. } = self;
         Laid { frame, min, region, density, fan, fans: length, layout, corners, folds: false }
-    }
-
-    /// As it lies, with its fans.
-    fn lying<'a>(&'a self, fans: &'a [u32]) -> Lying<'a> {
-        Lying { fans, frame: &self.flat.frame, corners: &self.corners }
     }
 
     /// See [`cost`](crate::cost).
@@ -603,7 +598,7 @@ impl Unrolling<'_> {
             .into_par_iter()
             .map_init(Flattener::default, |flattener, p| {
                 watch.add(1);
-                if is_tried[p as usize] { self.unrolled(&[p], flattener) } else { None }
+                if is_tried[p as usize] && self.may_gain(p) { self.unrolled(&[p], flattener) } else { None }
             })
             .collect();
         for (patch, alone) in self.patches.iter_mut().zip(alone).filter(|(_, alone)| alone.is_some()) {
@@ -683,11 +678,18 @@ impl Unrolling<'_> {
         let texels = (a.flat.distortion.area() + b.flat.distortion.area()) * density * density;
         let outline_of = |p: &Patch| p.flat.region.scaled(p.flat.distortion.aspect() * density).outline;
         let shared = shared_outline(common, texels, (a.length + b.length) as f32);
-        let convex = 2.0 * (std::f32::consts::PI * texels).sqrt();
-        let outline = (outline_of(a) + outline_of(b) - 2.0 * shared).max(convex);
-        let side = if self.is_thorough { texels.sqrt() } else { f32::INFINITY };
-        let region = Region { size: Vec2::splat(side), area: texels, outline };
-        unfolded_cost(texels, &region, corner_count(a) + corner_count(b))
+        let outline = outline_of(a) + outline_of(b) - 2.0 * shared;
+        least_unfolded_cost(texels, outline, corner_count(a) + corner_count(b), self.is_thorough)
+    }
+
+    /// Whether a patch may cost less when it is unrolled by itself.
+    fn may_gain(&self, p: u32) -> bool {
+        let fans = &self.builder.surface.fans;
+        let corners = self.fans[p as usize].iter().map(|&fan| fans.corners(fan as usize).len()).sum();
+        self.patches[p as usize].as_ref().is_some_and(|patch| {
+            least_unfolded_cost(patch.texels(), 0.0, corners, self.is_thorough)
+                < (1.0 - MIN_UNROLLING_GAIN) * patch.cost()
+        })
     }
 
     /// Patches laid flat freely as one, if that costs less. This takes long enough for a look at the watch.
@@ -706,7 +708,10 @@ impl Unrolling<'_> {
         patches().for_each(|p| demand.add(&p.demand));
         let first = patches().next()?;
         let density = demand.density().unwrap_or(first.density);
-        let lying = |&p: &u32| Some(self.patches[p as usize].as_ref()?.lying(&self.fans[p as usize]));
+        let lying = |&p: &u32| {
+            let Patch { flat, corners, .. } = self.patches[p as usize].as_ref()?;
+            Some(Lying { fans: &self.fans[p as usize], frame: &flat.frame, corners })
+        };
         let lying: ArrayVec<Lying<'_>, 2> = parts.iter().filter_map(lying).collect();
         let limits = builder.free_limits(density);
         let apart: f32 = patches().map(Patch::cost).sum();

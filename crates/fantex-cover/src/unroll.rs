@@ -29,7 +29,7 @@ const MIN_COSINE: f32 = -0.5;
 const ROUNDS: usize = 12;
 
 /// What begins spread in a circle is given up after so many rounds if it overlaps itself or costs more than so many times what there is. It
-/// takes ten rounds in the mean, twice as many as the others together, and one of nine is kept.
+/// would take about ten rounds, thrice as many as what begins beside, and one of seven on a folded ball, one of nine on a sponge would be kept.
 const SPREAD_ROUNDS: usize = 4;
 const MAX_SPREAD_RATIO: f32 = 1.2;
 
