@@ -30,7 +30,6 @@ use crate::viewer::{PictureSize, Request};
 use crate::{panels, theme};
 
 mod driver;
-mod strip;
 mod workspace;
 
 /// Width and height in points that the window does not fall below.
@@ -187,9 +186,6 @@ impl<'a> Shell<'a> {
         }
         if let Some(place) = workspace.to_open.take() {
             viewer.open_or_fail(place);
-        }
-        if workspace.is_unwatched {
-            context.egui_ctx.add_plugin(strip::Strip::default());
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -477,9 +473,6 @@ impl eframe::App for Shell<'_> {
         if !self.check_device(&ctx) {
             return;
         }
-        ctx.with_plugin(|strip: &mut strip::Strip| {
-            strip.is_lifted = self.workspace.pictures.is_window_due();
-        });
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.workspace.viewer.keys(&ctx);
         self.dropped_files(&ctx);
