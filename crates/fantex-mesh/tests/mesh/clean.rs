@@ -798,7 +798,7 @@ fn coordinates_too_far_from_the_origin_for_their_file_are_told() {
     let told = |round: bool, at: f64| {
         let mut ball = icosphere(5);
         for p in &mut ball.positions {
-            *p += DVec3::new(at, 0.0, at);
+            *p += DVec3::splat(at);
             *p = if round { p.as_vec3().as_dvec3() } else { *p };
         }
         let report = try_clean(ball).unwrap().1;
