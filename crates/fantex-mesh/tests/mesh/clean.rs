@@ -792,7 +792,7 @@ fn findings_are_counted_in_words() {
     );
 }
 
-/// At half a million, numbers of single precision lie 1/32 apart.
+/// At two millions, numbers of single precision lie an eighth apart, and edges are 0.04 long.
 #[test]
 fn coordinates_too_far_from_the_origin_for_their_file_are_told() {
     let told = |round: bool, at: f64| {
@@ -802,10 +802,10 @@ fn coordinates_too_far_from_the_origin_for_their_file_are_told() {
             *p = if round { p.as_vec3().as_dvec3() } else { *p };
         }
         let report = try_clean(ball).unwrap().1;
-        report.lines().iter().any(|line| line.contains("lie 0.032 apart there"))
+        report.lines().iter().any(|line| line.contains("lie 0.13 apart there"))
     };
-    assert!(told(true, 500_000.0));
-    assert!(!told(false, 500_000.0) && !told(true, 10.0));
+    assert!(told(true, 2e6));
+    assert!(!told(false, 2e6) && !told(true, 10.0));
 }
 
 /// Two triangles beside each other, each with vertices of its own: a seam only where their texture coordinates differ.
