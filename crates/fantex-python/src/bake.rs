@@ -7,7 +7,7 @@ use fantex::addresses::{Target, check_is_path};
 use fantex::bake::{Prefilter, Source as BakeSource, SourceChannel, TexelPoint};
 use fantex::export::ExportSummary;
 use fantex::glam::{Vec3, Vec4};
-use fantex::mesh::WorldFromMesh;
+use fantex::mesh::{Mesh as Geometry, WorldFromMesh};
 use fantex::photos::CameraFrame;
 use fantex::store::{self, ChannelKind};
 use fantex::stream::{Replace, open_source};
@@ -32,8 +32,8 @@ use crate::watch::{Watch, heard, in_python, watched};
 pub(crate) enum SourceParts<'py> {
     /// What it is, and what it needs.
     Named(String, Bound<'py, PyDict>),
-    /// A function of points and normals, and whether it gives alpha.
-    Function(Bound<'py, PyAny>, bool),
+    /// A function of points and normals.
+    Function(Bound<'py, PyAny>),
 }
 
 /// A mesh, a source and settings, as Python gives them.
@@ -46,7 +46,7 @@ struct Job {
 enum JobSource {
     /// The model's own materials or colours.
     OfModel,
-    Function(Py<PyAny>, bool),
+    Function(Py<PyAny>),
     Detailed(Py<Mesh>),
     Asset(Py<Asset>),
     Named(NamedSource),
@@ -56,9 +56,7 @@ impl Job {
     fn new(mesh: &Mesh, source: Option<SourceParts<'_>>, options: &Bound<'_, PyDict>) -> PyResult<Self> {
         let source = match source {
             None => JobSource::OfModel,
-            Some(SourceParts::Function(function, has_alpha)) => {
-                JobSource::Function(function.unbind(), has_alpha)
-            }
+            Some(SourceParts::Function(function)) => JobSource::Function(function.unbind()),
             Some(SourceParts::Named(name, parts)) => {
                 match (optional(&parts, "mesh")?, optional(&parts, "asset")?) {
                     (Some(detailed), _) => JobSource::Detailed(detailed),
@@ -71,12 +69,13 @@ impl Job {
     }
 
     /// Runs `reach` with a baker that does the job and the file to write, brings that to `place`, and says what the user should know: triangles,
-    /// tiles, texels, bytes, channels, seconds, notes; of photographs and baked light more.
+    /// tiles, texels, bytes, channels, seconds, notes; of photographs and baked light more. Functions are called only where it makes texels.
     fn run<'py>(
         self,
         py: Python<'py>,
         progress: Option<&Bound<'py, PyAny>>,
         place: &Path,
+        makes_texels: bool,
         reach: impl FnOnce(Baker<'_>, &Path) -> fantex::Result<Baked> + Send,
     ) -> PyResult<Bound<'py, PyDict>> {
         let Self { mesh, source, settings } = self;
@@ -94,9 +93,12 @@ impl Job {
                 JobSource::Asset(detailed) => {
                     reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)), file)
                 }
-                JobSource::Function(callable, has_alpha) => {
+                JobSource::Function(callable) => {
                     let world_from_mesh = mesh.world_from_mesh;
-                    let function = FunctionSource { callable, has_alpha, world_from_mesh, watch };
+                    let mut function = FunctionSource { callable, has_alpha: false, world_from_mesh, watch };
+                    if makes_texels {
+                        function.ask(&mesh);
+                    }
                     reach(baker.source(Source::custom(&function)), file)
                 }
             }?;
@@ -161,7 +163,7 @@ pub(crate) fn bake<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| baker.write(file))
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, true, |baker, file| baker.write(file))
 }
 
 /// A plan in memory: everything of an asset but its texels.
@@ -206,7 +208,7 @@ pub(crate) fn plan<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), &path, |baker, file| baker.write_plan(file, about))
+        .run(py, progress.as_ref(), &path, false, |baker, file| baker.write_plan(file, about))
 }
 
 /// Bakes shard `shard[0]` of `shard[1]` of a plan.
@@ -224,7 +226,7 @@ pub(crate) fn bake_part<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let [number, count] = shard;
     Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), &path, |baker, file| baker.write_part(&plan.0, number, count, file))
+        .run(py, progress.as_ref(), &path, true, |baker, file| baker.write_part(&plan.0, number, count, file))
 }
 
 /// Merges parts into an asset, or only checks them; gives the bytes written, and what is to be known of it.
@@ -259,7 +261,7 @@ pub(crate) fn bake_model<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     check_is_path(&path).map_err(crate::watch::exception)?;
     let files = AtlasFiles::new(options)?;
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, true, |baker, file| {
         let mut baked = baker.write_model(file, &files.options())?;
         if let Some(written) = &baked.exported {
             baked.notes.extend(model_notes(file, written, ModelKind::Baked { side: files.side }));
@@ -420,6 +422,21 @@ struct FunctionSource<'a> {
 }
 
 impl FunctionSource<'_> {
+    /// Asks for the middle of the first triangle, and so learns whether there is alpha.
+    fn ask(&mut self, mesh: &Geometry) {
+        let position = mesh.triangle_positions(0).iter().sum::<Vec3>() / 3.0;
+        let asked = Python::attach(|py| {
+            let positions = array(py, &[self.world_from_mesh.point(position).to_array()])?;
+            let function = self.callable.bind(py);
+            function.call1((positions, array(py, &[mesh.facet_normal(0).to_array()])?))?;
+            function.getattr("has_alpha")?.extract()
+        });
+        match asked {
+            Ok(has_alpha) => self.has_alpha = has_alpha,
+            Err(raised) => self.watch.fail(raised),
+        }
+    }
+
     fn call(&self, py: Python<'_>, points: &[TexelPoint], values: &mut [Vec4]) -> PyResult<()> {
         let positions: Vec<[f64; 3]> =
             points.iter().map(|p| self.world_from_mesh.point(p.position).to_array()).collect();

@@ -187,7 +187,7 @@ def bake(
         seed=seed,
     )
     mesh = Mesh.of(mesh, weld=options["weld"])
-    parts = _parts(source, options, mesh)
+    parts = _parts(source, options)
     figures = _native.bake(
         mesh._native,
         os.fsdecode(path),
@@ -257,7 +257,7 @@ def bake_model(
     )
     options.update(_atlas_options(resolution, largest_side, padding, uv, overwrite, memory))
     mesh = Mesh.of(mesh, weld=options["weld"])
-    parts = _parts(source, options, mesh)
+    parts = _parts(source, options)
     figures = _native.bake_model(
         mesh._native,
         os.fsdecode(path),
@@ -289,7 +289,7 @@ def _options(**given: Any) -> Dict[str, Any]:
     }
 
 
-def _parts(source: Union[Source, Function, None], options: Dict[str, Any], mesh: Mesh) -> Any:
+def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:
     """A source as the compiled part takes it. The cage of a mesh goes to the options."""
     if source is None:
         return None
@@ -300,8 +300,7 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any], mesh:
             parts[key] = parts[key]._native
         return source._name, parts
     if callable(source):
-        function = _Colors(source)
-        return function, function.has_alpha(mesh)
+        return _Colors(source)
     raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
 
 
@@ -312,19 +311,14 @@ class _Colors:
         self.function = function
         # Of each block that has some, how many numbers are none. Blocks come on several threads, and lists grow on any.
         self.unknown: List[int] = []
-
-    def has_alpha(self, mesh: Mesh) -> bool:
-        """Whether it gives four numbers of a point: the middle of the first face."""
-        a, b, c = mesh.positions[mesh.faces[0]]
-        normal = np.cross(b - a, c - a)
-        length = np.linalg.norm(normal)
-        normal = normal / length if length > 0 else np.array([0.0, 0.0, 1.0])
-        given = plain(self.function((a + b + c)[None, :] / 3, normal[None, :].astype(np.float32)))
-        return given.ndim in (1, 2) and given.shape[-1] == 4
+        #: Whether there were four numbers of a point that was asked for alone, which a bake does first.
+        self.has_alpha = False
 
     def __call__(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
         count = len(points)
         given = plain(self.function(points, normals))
+        if count == 1:
+            self.has_alpha = given.ndim > 0 and given.shape[-1] == 4
         if given.ndim == 1 and len(given) == count and count in (3, 4):
             # Greys, or one colour for all: more points tell.
             more = plain(self.function(np.tile(points, (2, 1)), np.tile(normals, (2, 1))))
@@ -339,8 +333,7 @@ class _Colors:
 
 def _with_notes(figures: Dict[str, Any], parts: Any) -> Dict[str, Any]:
     """What a bake told, and what its function did."""
-    function = parts[0] if isinstance(parts, tuple) else None
-    if isinstance(function, _Colors) and function.unknown:
-        note = f"The source gave no number for {sum(function.unknown)} points, which became black."
+    if isinstance(parts, _Colors) and parts.unknown:
+        note = f"The source gave no number for {sum(parts.unknown)} points, which became black."
         figures["notes"] = [*figures["notes"], note]
     return figures

@@ -102,7 +102,7 @@ def plan(
         seed=seed,
     )
     loaded = Mesh.of(mesh, weld=options["weld"])
-    parts = _parts(source, options, loaded)
+    parts = _parts(source, options)
     note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
     _native.plan(
         loaded._native,
@@ -169,7 +169,7 @@ def bake_part(
         (number, count),
         mesh._native,
         os.fsdecode(path),
-        _parts(source, options, mesh),
+        _parts(source, options),
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
