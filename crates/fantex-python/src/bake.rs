@@ -428,7 +428,7 @@ impl FunctionSource<'_> {
         let asked = Python::attach(|py| {
             let positions = array(py, &[self.world_from_mesh.point(position).to_array()])?;
             let function = self.callable.bind(py);
-            function.call1((positions, array(py, &[mesh.facet_normal(0).to_array()])?))?;
+            function.call1((positions, array(py, &[mesh.facet_normal(0).as_vec3().to_array()])?))?;
             function.getattr("has_alpha")?.extract()
         });
         match asked {
