@@ -695,7 +695,7 @@ def test_reload_of_another_layout_makes_materials_anew(tmp_path, extension):
 
 
 def slow(points, normals):
-    time.sleep(0.01)
+    time.sleep(0.2)
     return np.full((len(points), 3), 0.5)
 
 

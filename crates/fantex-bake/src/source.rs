@@ -98,6 +98,12 @@ pub trait Source: Sync {
         false
     }
 
+    /// How many points it is asked for at a time, at most: enough for vectors, few enough that they stay in the nearest cache. Sources that take
+    /// long for each call say more.
+    fn points_at_once(&self) -> usize {
+        128
+    }
+
     /// Writes one value per channel. What is not finite is baked as 0.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 

@@ -38,9 +38,6 @@ use crate::{
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
 const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
 
-/// Points that a source is asked for at a time: enough for vectors, few enough that they stay in the nearest cache.
-const POINTS: usize = 128;
-
 /// Points of a triangle that are found at once.
 const PLANE_POINTS: usize = 8;
 
@@ -182,8 +179,9 @@ impl TileBaker<'_> {
         footprints.cover(block, self.cover.delta);
         let mut raster = self.empty_raster(block.extent).with_cut_outs(cut_outs);
         let channels = self.plans.len();
-        let (mut points, mut texels) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS));
-        let mut values = Vec::with_capacity(POINTS * channels);
+        let at_once = self.source.points_at_once();
+        let (mut points, mut texels) = (Vec::with_capacity(at_once), Vec::with_capacity(at_once));
+        let mut values = Vec::with_capacity(at_once * channels);
         let mut hidden = Vec::new();
         let light = self.source.light_map();
         let smooth =
@@ -253,7 +251,7 @@ impl TileBaker<'_> {
         self.for_each_point(&footprints, block, |texel, point| {
             points.push(point);
             texels.push(texel);
-            match texels.len() < POINTS {
+            match texels.len() < at_once {
                 true => Ok(()),
                 false => evaluate(&mut points, &mut texels),
             }

@@ -463,6 +463,10 @@ impl BakeSource for FunctionSource<'_> {
         Prefilter::Point
     }
 
+    fn points_at_once(&self) -> usize {
+        4096
+    }
+
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         self.evaluate_all(std::slice::from_ref(point), values);
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fantex::addresses::is_address;
 use fantex::{ErrorKind, Progress};
@@ -277,6 +277,9 @@ impl<'a, 'py> Teller<'a, 'py> {
 /// How often signals are looked for.
 const PERIOD: Duration = Duration::from_millis(50);
 
+/// After how long the same is told again, so that who hears of it may end the work meanwhile.
+const TOLD_AGAIN: Duration = Duration::from_millis(250);
+
 /// A pool, and the process that has its threads.
 type Pool = (u32, &'static ThreadPool);
 
@@ -333,11 +336,12 @@ pub(crate) fn watched<T: Send>(
     // A thread has not ended yet when it wakes its caller.
     let is_done = AtomicBool::new(false);
     let pool = own_pool()?;
-    let mut told = Step::default();
+    let (mut told, mut told_at) = (Step::default(), Instant::now());
     let mut tell = || {
         let step = *watch.step();
-        if let Some(teller) = teller.as_ref().filter(|_| step != told && !watch.is_cancelled()) {
-            told = step;
+        let is_due = step != told || step.number > 0 && told_at.elapsed() > TOLD_AGAIN;
+        if let Some(teller) = teller.as_ref().filter(|_| is_due && !watch.is_cancelled()) {
+            (told, told_at) = (step, Instant::now());
             if let Err(raised) = teller.tell(step.done, step.total, step.word) {
                 watch.fail(raised);
             }

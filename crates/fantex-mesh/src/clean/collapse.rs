@@ -99,7 +99,7 @@ fn power_of_ten(length: f64) -> i32 {
 }
 
 /// A length that is not above this: `2 units`.
-fn in_one_digit(length: f64) -> String {
+pub(super) fn in_one_digit(length: f64) -> String {
     let power = power_of_ten(length);
     let unit = 10_f64.powi(power);
     let whole = (length / unit).ceil() * unit;

@@ -474,7 +474,7 @@ impl CleanReport {
             lines.push(format!(
                 "Coordinates are numbers of single precision, which lie {} apart there, and much of the model has no area: write it relative to an \
                  origin nearby, or in double precision.",
-                in_two_digits(self.coordinate_step)
+                collapse::in_one_digit(self.coordinate_step)
             ));
         }
         lines

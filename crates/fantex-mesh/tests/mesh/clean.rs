@@ -802,7 +802,7 @@ fn coordinates_too_far_from_the_origin_for_their_file_are_told() {
             *p = if round { p.as_vec3().as_dvec3() } else { *p };
         }
         let report = try_clean(ball).unwrap().1;
-        report.lines().iter().any(|line| line.contains("lie 0.13 apart there"))
+        report.lines().iter().any(|line| line.contains("lie 0.2 units apart there"))
     };
     assert!(told(true, 2e6));
     assert!(!told(false, 2e6) && !told(true, 10.0));
