@@ -224,9 +224,8 @@ pub(super) fn transpose<const D: usize>(
 ) {
     let count = count.min(BLOCK);
     for i in 0..count {
-        let p = point(i);
-        for d in 0..D {
-            at[d][i] = p[d];
+        for (column, x) in at.iter_mut().zip(point(i)) {
+            column[i] = x;
         }
     }
     for at in at {

@@ -179,7 +179,7 @@ fn vein(phase: f32) -> f32 {
     let sine = x
         * (3.141_592_5
             + square
-                * (-5.167_707 + square * (2.550_031_2 + square * (-0.598_044_2 + square * 0.077_218_384))));
+                * (-5.167_707 + square * (2.550_031_2 + square * (-0.598_044_2 + square * 0.077_218_38))));
     let left = 1.0 - sine.abs();
     let squared = left * left;
     squared * squared * squared
