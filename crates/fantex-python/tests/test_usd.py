@@ -329,7 +329,7 @@ def test_models_for_other_programs(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     np.testing.assert_allclose(trimesh.load(output).bounds, [[1, 0, -3], [1, 5, -2]], atol=1e-6)
     again = subprocess.run([*program, path, output], capture_output=True, text=True, cwd=tmp_path)
-    assert again.returncode == 1 and "exists" in again.stderr
+    assert again.returncode == 1 and "exists; give --force to replace it" in again.stderr
     with pytest.raises(FileExistsError):
         fantex.usd.write_glb(path, output)
     with pytest.raises(ValueError, match="a .glb file is written"):
@@ -378,8 +378,23 @@ def test_the_bottle(tmp_path, bottle):
 def test_what_cannot_be_read(tmp_path, monkeypatch):
     bad = tmp_path / "bad.usda"
     bad.write_text("#usda 1.0\ndef Mesh {")
-    with pytest.raises(fantex.Error, match="bad.usda"):
+    with pytest.raises(fantex.Error, match=r"^\S*bad.usda cannot be read as USD: \S*bad.usda:2:1: parse error$"):
         fantex.Mesh.load(bad)
+    binary = tmp_path / "whole.usdc"
+    stage = Usd.Stage.CreateNew(str(binary))
+    quad(stage)
+    stage.Save()
+    cut = tmp_path / "cut.usdc"
+    cut.write_bytes(binary.read_bytes()[:200])
+    with pytest.raises(fantex.Error, match="cannot be read as USD: Sdf crate file corrupt, possibly truncated"):
+        fantex.Mesh.load(cut)
+    package = tmp_path / "cut.usdz"
+    package.write_bytes(b"PK\x03\x04")
+    with pytest.raises(fantex.Error, match="cannot be read as USD: it is damaged or cut off; write it anew"):
+        fantex.Mesh.load(package)
+    package.write_bytes(b"")
+    with pytest.raises(fantex.Error, match="cut.usdz is empty; expected a USD file"):
+        fantex.Mesh.load(package)
     with pytest.raises(FileNotFoundError):
         fantex.Mesh.load(tmp_path / "none.usdz")
     empty = tmp_path / "empty.usda"

@@ -16,6 +16,10 @@ const MAX_SPREAD: f64 = 0.01;
 /// Rounding moves the corners of triangles by no larger share of their longest edge, or they are steps instead of a surface.
 const MAX_MOVE: f64 = 0.1;
 
+/// Steps between coordinates that are a larger share of the model's longest side are told of where much of it has no area: a thousand edges of it
+/// along that side are then shifted by a hundredth of their length.
+const SEEN_STEP: f64 = 1e-5;
+
 /// Why a model is refused: more than half of its triangles have an area in double precision (`world`) and none in mesh space (`mesh`), or corners
 /// that rounding has moved far, and lie together, far from other vertices. None where that is not so.
 pub(super) fn problem(
@@ -72,7 +76,7 @@ pub(super) fn single_step(positions: &[DVec3], used: &[bool]) -> f64 {
     let high = all().reduce(|| DVec3::NEG_INFINITY, DVec3::max);
     let farthest = low.abs().max(high.abs()).max_element() as f32;
     let step = f64::from(farthest.next_up()) - f64::from(farthest);
-    if step > 1e-5 * (high - low).max_element() { step } else { 0.0 }
+    if step > SEEN_STEP * (high - low).max_element() { step } else { 0.0 }
 }
 
 fn has_area([a, b, c]: [DVec3; 3]) -> bool {

@@ -121,6 +121,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
 
     // Step 4: drop triangles without area, then repeated ones.
     report.triangles_degenerate = surface.retain(|t| !exact::has_no_area(t.map(|v| positions[v as usize])));
+    // A few triangles without area are in every scan.
     if report.triangles_degenerate > report.triangles_in / 8 {
         report.coordinate_step = step;
     }

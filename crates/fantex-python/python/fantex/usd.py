@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
@@ -70,15 +71,23 @@ def glb_of(
         raise ImportError("USD is read by Pixar's library, which is not installed: pip install usd-core") from error
     if not is_stage(stage):
         name = os.fsdecode(stage)
-        with open(name, "rb"):
-            # What Python says of files that cannot be opened is plainer.
-            pass
+        # What Python says of files that cannot be opened is plainer.
+        with open(name, "rb") as file:
+            if not file.read(1):
+                raise failed(f"{name} is empty; expected a USD file")
         try:
             stage = Usd.Stage.Open(os.path.abspath(name))
         except Tf.ErrorException as error:
-            raise failed(f"{name}: {str(error).strip().splitlines()[-1].strip()}") from None
+            raise failed(f"{name} cannot be read as USD: {_reason(str(error))}") from None
     code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
     return _Reader(stage, code, purposes).read(y_up)
+
+
+def _reason(said: str) -> str:
+    """What the library says of a stage that it cannot open, without the places in its own source, which stand before each quoted sentence."""
+    reasons = re.findall(r" at line \d+ in file \S+ : '(.*?)'\s*(?=Error in|$)", said, re.DOTALL)
+    reasons = [reason.split(" matching ")[0].strip() for reason in reasons if not reason.startswith("Failed to open layer")]
+    return reasons[0] if reasons else "it is damaged or cut off; write it anew"
 
 
 class _Texture(NamedTuple):
@@ -756,6 +765,9 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
     given = parser.parse_args(arguments)
     try:
         notes = write_glb(given.stage, given.output, time=given.time, overwrite=given.force)
+    except FileExistsError:
+        print(f"fantex.usd: {given.output} exists; give --force to replace it", file=sys.stderr)
+        return 1
     except (OSError, ValueError, ImportError, _native.Error) as error:
         print(f"fantex.usd: {error}", file=sys.stderr)
         return 2 if isinstance(error, ValueError) else 1
