@@ -12,8 +12,9 @@ use rayon::prelude::*;
 
 use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
+use crate::fan_tiles::{fan_groups, lay_fans};
 use crate::flatten::Laid;
-use crate::groups::{GroupLimits, Grouping, expect_groups, fan_groups, group_fans, lay_fans};
+use crate::groups::{GroupLimits, Grouping, expect_groups, group_fans};
 use crate::nominal::NominalDensity;
 use crate::surface::{Ring, Surface};
 use crate::watch::{Watch, time};
@@ -125,19 +126,23 @@ pub fn build_cover_while(
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
     watch.begin_last()?;
-    let sized = |scales: Scales| {
+    let assembled = |scales| {
         watch.check()?;
-        let cover = assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)?;
+        assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)
+    };
+    let sized = |scales: Scales| {
+        let cover = assembled(scales)?;
         // Mostly two sizes are tried; then the cover is measured.
         watch.add_half();
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };
+    let counted = |scales: Scales| Ok(assembled(scales)?.stored_texels_of_some(mesh));
     let Sized { mut cover, texels, scale } = match options.budget {
-        TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, sized)?,
+        TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, counted, sized)?,
         _ => {
             let found = sized(Scales::all(1.0))?;
             match options.most_texels {
-                Some(most) if found.texels > most => sized_to_total(&grouping.laid, most, sized)?,
+                Some(most) if found.texels > most => sized_to_total(&grouping.laid, most, counted, sized)?,
                 _ => found,
             }
         }
@@ -290,11 +295,23 @@ impl Scales {
 }
 
 /// The cover that stores `texels`, within a percent and not more, as far as rounding allows. `sized` makes covers; what they store is
-/// known nearly before.
-fn sized_to_total(laid: &[Laid], texels: u64, sized: impl Fn(Scales) -> Result<Sized>) -> Result<Sized> {
-    let mut best = sized(Scales::all(scale_to_total(laid, texels)))?;
+/// known nearly before, and better by what `counted` [finds](Cover::stored_texels_of_some) of some groups.
+fn sized_to_total(
+    laid: &[Laid],
+    texels: u64,
+    counted: impl Fn(Scales) -> Result<Option<(u64, usize)>>,
+    sized: impl Fn(Scales) -> Result<Sized>,
+) -> Result<Sized> {
+    let mut scale = scale_to_total(laid, texels);
+    if let Some((stored, step)) = counted(Scales::all(scale))? {
+        let expected: u64 =
+            laid.iter().step_by(step).map(|l| expected_texels(l.region.scaled(l.density), scale)).sum();
+        let wanted = AIMED_SHARE * texels as f64 * expected as f64 / stored.max(1) as f64;
+        scale = scale_to_total(laid, wanted as u64);
+    }
+    let mut best = sized(Scales::all(scale))?;
     let (mut low, mut high) = (0.0, f32::INFINITY);
-    let (mut scale, mut reached) = (best.scale, best.texels);
+    let mut reached = best.texels;
     for _ in 1..MAX_TRIALS {
         if reached > texels {
             high = scale
@@ -353,11 +370,7 @@ fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
         return (MAX_LENGTH_IN_MIN_TILE / longest).clamp(low, high);
     }
     let total = |scale: f32| -> u64 {
-        let area = |&region: &Region| {
-            let [w, h] = extent(region.size, scale).map(u64::from);
-            (w * h).min(region.scaled(Vec2::splat(scale)).block_texels() as u64)
-        };
-        regions.par_iter().with_min_len(1 << 12).map(area).sum()
+        regions.par_iter().with_min_len(1 << 12).map(|&region| expected_texels(region, scale)).sum()
     };
     // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
     let mut scale = 1.0f32;
@@ -378,6 +391,12 @@ fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
         scale = if step < 8 && guess > low && guess < high { guess } else { middle };
     }
     low
+}
+
+/// Texels that a tile stores, nearly, for a region in nominal texels.
+fn expected_texels(region: Region, scale: f32) -> u64 {
+    let [w, h] = extent(region.size, scale).map(u64::from);
+    (w * h).min(region.scaled(Vec2::splat(scale)).block_texels() as u64)
 }
 
 /// Relative tolerance of the search for the scale.

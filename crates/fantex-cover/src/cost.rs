@@ -39,6 +39,12 @@ pub(crate) struct Region {
 }
 
 impl Region {
+    /// A disc, which no rectangle is in the way of.
+    pub(crate) fn disc(area: f32) -> Self {
+        let outline = 2.0 * (std::f32::consts::PI * area).sqrt();
+        Self { size: Vec2::INFINITY, area, outline }
+    }
+
     /// The region, stretched along the sides of its rectangle.
     pub(crate) fn scaled(self, factors: Vec2) -> Self {
         let Vec2 { x, y } = factors;
@@ -112,7 +118,7 @@ pub(crate) fn take_cube_roots<const COUNT: usize>(numbers: &mut [f32; COUNT]) {
 /// The same at least, of nothing shrunk: with so many texels and so long an outline, or a disc's if that is longer, in blocks or, if it may be, in a
 /// square without gaps.
 pub(crate) fn least_unfolded_cost(texels: f32, outline: f32, corners: usize, may_be_square: bool) -> f32 {
-    let outline = outline.max(2.0 * (std::f32::consts::PI * texels).sqrt());
+    let outline = outline.max(Region::disc(texels).outline);
     let side = if may_be_square { texels.sqrt() } else { f32::INFINITY };
     unfolded_cost(texels, &Region { size: Vec2::splat(side), area: texels, outline }, corners)
 }

@@ -92,7 +92,10 @@ impl Cover {
     pub fn tile_corners(&self, mesh: &Mesh, triangle: usize, slot: usize) -> [Vec2; 3] {
         let group = &self.groups[self.corner_groups[triangle][slot] as usize];
         match group.kind {
-            GroupKind::Projected => mesh.triangle_positions(triangle).map(|p| group.tile_from_mesh(p)),
+            GroupKind::Projected => {
+                let [a, b, c] = mesh.triangle_positions(triangle);
+                [group.tile_from_mesh(a), group.tile_from_mesh(b), group.tile_from_mesh(c)]
+            }
             GroupKind::Unfolded => {
                 let corner = (3 * triangle + slot) as u32;
                 self.unfolded.find(corner).map_or([Vec2::splat(0.5); 3], |entry| entry.uv)

@@ -336,11 +336,12 @@ impl Border {
                 let around = surface.fans.of_triangle(corner.triangle());
                 let [center, from, to] = corner.slots();
                 let inside = [true, membership.holds(around[from]), membership.holds(around[to])];
+                let corners_inside = 1.0 + f32::from(inside[1]) + f32::from(inside[2]);
                 let first = !(inside[1] && from < center || inside[2] && to < center);
                 if first {
                     let (normal, area) = surface.fan_facet(corner);
                     self.normals.push(normal);
-                    self.areas.push(area * inside.map(f32::from).iter().sum::<f32>());
+                    self.areas.push(area * corners_inside);
                 }
                 let all = open || corner.reversed();
                 if all || first && inside != [true; 3] {
@@ -363,7 +364,8 @@ impl Border {
         self.wedges.clear();
         self.outline = 0.0;
         for &BorderTriangle { corner, inside, first, all } in &self.triangles {
-            let flat = surface.fan_triangle(corner).map(|p| projection.flat(p));
+            let [a, b, c] = surface.fan_triangle(corner);
+            let flat = [projection.flat(a), projection.flat(b), projection.flat(c)];
             if first || all {
                 let points = &mut self.points;
                 outline_points(flat, inside, delta, all, |p| points.push(p));
@@ -372,7 +374,7 @@ impl Border {
                 continue;
             }
             let vertices = surface.fan_vertices(corner);
-            let planar = flat.map(|p| p.truncate());
+            let planar = [flat[0].truncate(), flat[1].truncate(), flat[2].truncate()];
             self.outline += outline_length(planar, inside);
             if inside == [true, false, false] {
                 self.segments.push(Segment::new([vertices[1], vertices[2]], [planar[1], planar[2]]));

@@ -4,21 +4,20 @@ use std::collections::BTreeSet;
 
 use arrayvec::ArrayVec;
 use fantex_base::Result;
-use fantex_mesh::{Fans, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::cost::{Region, least_unfolded_cost};
+use crate::MAX_EXTENT;
+use crate::connect::Connector;
+use crate::cost::least_unfolded_cost;
 use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
+use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership};
 use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
 use crate::nominal::{Demand, NominalDensity};
-use crate::partition::{Connector, Cutting, FanSet, Partition, partition};
-use crate::rectangle::{Rectangle, RectangleFinder};
-use crate::surface::{Ring, Surface};
+use crate::partition::{Cutting, FanSet, Partition, partition};
+use crate::surface::Surface;
 use crate::unroll::{FlatCorners, Lying, MAX_CORNERS};
 use crate::watch::{Watch, time};
-use crate::{Frame, MAX_EXTENT};
 
 /// How groups may grow.
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +90,7 @@ fn flat_cost(flat: &Flat, density: f32, corners: usize) -> f32 {
 }
 
 /// The filter margin of both sides, mesh units.
-fn pad(density: f32) -> f32 {
+pub(crate) fn pad(density: f32) -> f32 {
     1.0 / density.max(f32::MIN_POSITIVE)
 }
 
@@ -131,7 +130,13 @@ pub(crate) fn group_fans(
             Some(cut) => cut,
             None => {
                 let extent_texels = limits.extent_texels;
-                let cutting = Cutting { extent_texels, tolerances: TOLERANCES, normals_below, watch };
+                let cutting = Cutting {
+                    extent_texels,
+                    tolerances: TOLERANCES,
+                    normals_below,
+                    is_thorough: is_small,
+                    watch,
+                };
                 (normals_below, partition(&fans, &cutting))
             }
         };
@@ -608,11 +613,9 @@ impl Unrolling<'_> {
         let mut left = time::UNROLLING - time::UNROLLED_ALONE;
         for _ in 0..UNROLLED_ROUNDS {
             left *= time::LEFT_PER_ROUND;
-            let new = self.propose(&proposals, begun + time::UNROLLING - left)?;
+            // Where all that is tried is too dear, the next best is tried.
+            let Some(new) = self.propose(&proposals, begun + time::UNROLLING - left)? else { break };
             proposals.extend(new);
-            if proposals.is_empty() {
-                break;
-            }
             proposals.par_sort_unstable_by(|a, b| b.saved.total_cmp(&a.saved).then(a.pair.cmp(&b.pair)));
             let mut taken = vec![false; self.patches.len()];
             let mut waiting = Vec::new();
@@ -632,14 +635,17 @@ impl Unrolling<'_> {
     }
 
     /// The unions that patches without one among `waiting` would choose; those that turn out too dear are not tried again. `until`: when that is
-    /// done.
-    fn propose(&mut self, waiting: &[Proposal], until: f32) -> Result<Vec<Proposal>> {
+    /// done. `None` where nothing is left to try.
+    fn propose(&mut self, waiting: &[Proposal], until: f32) -> Result<Option<Vec<Proposal>>> {
         let mut waits = vec![false; self.patches.len()];
         waiting.iter().flat_map(|proposal| proposal.pair).for_each(|p| waits[p as usize] = true);
         let patches = (0..waits.len() as u32).into_par_iter().filter(|&p| !waits[p as usize]);
         let mut pairs: Vec<[u32; 2]> = patches.filter_map(|p| self.best_pair(p)).collect();
         pairs.par_sort_unstable();
         pairs.dedup();
+        if pairs.is_empty() && waiting.is_empty() {
+            return Ok(None);
+        }
         let watch = self.builder.watch;
         watch.begin(until, pairs.len())?;
         let tried = pairs.par_iter().map_init(Flattener::default, |flattener, &pair| {
@@ -654,7 +660,7 @@ impl Unrolling<'_> {
             self.neighbours[a as usize].retain(|n| n.0 != b);
             self.neighbours[b as usize].retain(|n| n.0 != a);
         }
-        Ok(tried.into_iter().flatten().collect())
+        Ok(Some(tried.into_iter().flatten().collect()))
     }
 
     /// A patch and the neighbour with which it promises to save most, lower first.
@@ -797,103 +803,4 @@ fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
     fans.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
     let middle = fans.len() / 2;
     [middle as u32, (fans.len() - middle) as u32]
-}
-
-// One fan per tile: every fan is classified and laid flat in one pass.
-//
-// Fans are visited along a space-filling curve, which is the order of the tiles, and everything about a fan is derived from
-// one gathering of its ring while that is in the first cache.
-
-/// Lays every fan flat, in the order of a Morton curve.
-pub(crate) fn lay_fans(
-    surface: &Surface<'_>,
-    density: &NominalDensity<'_>,
-    delta: f32,
-    watch: &Watch<'_>,
-) -> Vec<Laid> {
-    let curve = curve(surface);
-    curve
-        .par_iter()
-        .with_min_len(1 << 10)
-        .map_init(Layer::default, |layer, &key| {
-            let fan = key as u32;
-            if fan.is_multiple_of(1024) {
-                watch.add(1024);
-            }
-            layer.lay(surface, fan, density.of_fan(surface, fan as usize), delta)
-        })
-        .collect()
-}
-
-/// The group of each fan, where every group is one fan.
-pub(crate) fn fan_groups(fans: &Fans, laid: &[Laid]) -> Vec<u32> {
-    let mut groups = vec![0; fans.len()];
-    for (group, laid) in (0..).zip(laid) {
-        groups[laid.fan as usize] = group;
-    }
-    groups
-}
-
-/// All fans along a Morton curve through mesh space: the place on the curve above, the fan below.
-fn curve(surface: &Surface<'_>) -> Vec<u64> {
-    let key = |fan: usize| u64::from(morton(surface.fan_center(fan))) << 32 | fan as u64;
-    let mut keys: Vec<u64> = (0..surface.fans.len()).into_par_iter().with_min_len(1 << 12).map(key).collect();
-    keys.par_sort_unstable();
-    keys
-}
-
-/// Lays single fans flat. Keeps its buffers.
-#[derive(Default)]
-struct Layer {
-    ring: Ring,
-    spokes: Vec<Vec2>,
-    outline: Vec<Vec2>,
-    rectangles: RectangleFinder,
-}
-
-impl Layer {
-    fn lay(&mut self, surface: &Surface<'_>, fan: u32, density: f32, delta: f32) -> Laid {
-        self.ring.gather(surface, fan as usize);
-        let FanShape { layout, cone, folds, .. } = FanShape::of(&self.ring, surface, fan as usize);
-        let pad = pad(density);
-        let (x, y) = cone.axis.any_orthonormal_pair();
-        let mut corners = FlatCorners::default();
-        let (rectangle, x_axis) = match layout {
-            Layout::Projected => {
-                self.outline(x, y, delta);
-                let r = self.rectangles.smallest_around_star(&self.outline, pad);
-                (r, (x * r.x_axis.x + y * r.x_axis.y).normalize())
-            }
-            Layout::Unfolded => {
-                let unfolded = unfolded_rectangle(surface, fan as usize, delta, pad, &mut self.rectangles);
-                let (rectangle, unfolded) = unfolded.unwrap_or((Rectangle::POINT, corners));
-                corners = unfolded;
-                (rectangle, x)
-            }
-        };
-        let frame = Frame { origin: self.ring.center, direction: cone.axis, x_axis };
-        let (min, size, density) = (rectangle.min, rectangle.size, Vec2::splat(density));
-        let region = Region { size, area: size.x * size.y, outline: 2.0 * (size.x + size.y) };
-        Laid { frame, min, region, density, fan, fans: 1, layout, corners, folds }
-    }
-
-    /// The outline of the projected partial fan, counter-clockwise: see `outline_points`.
-    fn outline(&mut self, x: Vec3, y: Vec3, delta: f32) {
-        let (along_spoke, between) = (0.5 + 0.5 * delta, (1.0 + delta) / 3.0);
-        self.spokes.clear();
-        self.spokes.extend(self.ring.spokes.iter().map(|s| Vec2::new(s.dot(x), s.dot(y))));
-        self.outline.clear();
-        if !self.ring.closed {
-            self.outline.push(Vec2::ZERO);
-        }
-        for pair in self.spokes.windows(2) {
-            self.outline.push(pair[0] * along_spoke);
-            self.outline.push((pair[0] + pair[1]) * between);
-        }
-        if !self.ring.closed
-            && let Some(&last) = self.spokes.last()
-        {
-            self.outline.push(last * along_spoke);
-        }
-    }
 }

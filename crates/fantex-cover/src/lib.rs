@@ -5,7 +5,7 @@
 //!           umbrellas  project?    cuts that make tiles      direction,  groups    tile maps,
 //!                 |    unfold?     cheaper; connected        rectangle,  join      extents
 //!                 |                pieces                    injective?              ^
-//!                 '--> lay_fans (one fan per tile: all of that, fan by fan) ---------'
+//!                 '--> fan_tiles (one fan per tile: all of that, fan by fan) ---------'
 //! ```
 //!
 //! What "cheaper" means is in `cost`: texels per unit of error in the worst direction.
@@ -14,10 +14,12 @@
 mod blocks;
 mod build;
 mod cone;
+mod connect;
 mod cost;
 mod cover;
 mod crossings;
 mod fan_shape;
+mod fan_tiles;
 mod flatten;
 mod footprints;
 mod groups;

@@ -10,11 +10,9 @@ use arrayvec::ArrayVec;
 use glam::{Mat3, Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
-use crate::cone::Cone;
 use crate::cost::{self, Region};
-use crate::fan_shape::{FanShape, Layout, Reach, projection_error};
+use crate::fan_shape::{FanShape, Reach, projection_error};
 use crate::groups::may_share;
-use crate::merge::sum_by_name;
 use crate::nominal::{Demand, NominalDensity};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::{Ring, Surface};
@@ -45,7 +43,7 @@ impl FanSet<'_> {
     }
 
     /// Nominal texels per mesh unit at a fan.
-    fn density(&self, fan: u32) -> f32 {
+    pub(crate) fn density(&self, fan: u32) -> f32 {
         self.density.of_fan(self.surface, fan as usize)
     }
 
@@ -84,7 +82,7 @@ const ITEMS_AT_ONCE: usize = 1 << 20;
 /// Sets larger than this are split on two threads.
 const MIN_PARALLEL_FANS: usize = 8192;
 
-/// So many fans of a set are looked at, evenly spaced.
+/// So many fans of a set are looked at, at most.
 const MAX_SAMPLES: usize = 2048;
 
 /// Below this ratio of the summed to the absolute normals a set has no direction of its own.
@@ -96,6 +94,9 @@ const MIN_TEXELS: f32 = 256.0;
 /// A set that costs at most so much per texel is not cut.
 const GOOD_COST_PER_TEXEL: f32 = 1.04;
 
+/// Nor, in quick cutting, is one that costs at most so many times what its halves [would cost at least](Set::halves_cost).
+const GOOD_COST_OF_HALVES: f32 = 1.02;
+
 /// How sets are cut.
 #[derive(Clone, Copy)]
 pub(crate) struct Cutting<'a> {
@@ -106,8 +107,16 @@ pub(crate) struct Cutting<'a> {
     pub(crate) tolerances: [f32; 2],
     /// Sets without a direction of their own that are longer, in texels, are cut in the middle.
     pub(crate) normals_below: f32,
+    /// Cuts wherever a part might be cheaper: in twice the time, for some hundredths of a decibel on scans.
+    pub(crate) is_thorough: bool,
     /// Once it has ended large sets stay whole.
     pub(crate) watch: &'a Watch<'a>,
+}
+
+/// Items of a set, evenly spread. (With whole steps, of vertices numbered ring by ring all might be from one side of a tube.)
+fn samples<T>(items: &[T]) -> impl Iterator<Item = &T> {
+    let count = items.len().min(MAX_SAMPLES);
+    (0..count).map(move |i| &items[i * items.len() / count])
 }
 
 /// What the most lopsided cut costs more than one in the middle.
@@ -263,8 +272,11 @@ fn cut_of(picked: &[Item], count: usize, cutting: &Cutting<'_>, scratch: &mut Sc
     let set = Set::of(picked, count);
     let tile = set.tile(picked, cutting.extent_texels, scratch);
     let whole = tile.as_ref().map_or(f32::INFINITY, |tile| tile.cost);
-    if count < 2 || whole <= GOOD_COST_PER_TEXEL * set.texels || whole.is_finite() && set.texels < MIN_TEXELS
-    {
+    let is_good = || {
+        whole <= GOOD_COST_PER_TEXEL * set.texels
+            || !cutting.is_thorough && whole <= GOOD_COST_OF_HALVES * set.halves_cost(picked)
+    };
+    if count < 2 || whole.is_finite() && (set.texels < MIN_TEXELS || is_good()) {
         return (whole, None);
     }
     (whole, Some(set.cut(picked, tile.as_ref(), cutting.normals_below, &mut scratch.samples)))
@@ -339,11 +351,6 @@ fn halve<T>(items: &mut [T], key: impl Fn(&T) -> (f32, u32)) -> usize {
         a.total_cmp(&b).then(fan_a.cmp(&fan_b))
     });
     items.len() / 2
-}
-
-/// Evenly spaced items of a set.
-fn samples<T>(items: &[T]) -> impl Iterator<Item = &T> {
-    items.iter().step_by(items.len().div_ceil(MAX_SAMPLES))
 }
 
 /// Sums over the samples of a set, as if they were all.
@@ -431,6 +438,14 @@ impl Set {
         let fits = alone || may_share(size, longest_spoke * self.density, extent_texels);
         let cost = if fits { cost::cost(error, &region) } else { f32::INFINITY };
         Some(Tile { sides, cost })
+    }
+
+    /// What the two halves of the set would cost together if they were discs, and each fan were seen from its own direction.
+    fn halves_cost(&self, picked: &[Item]) -> f32 {
+        let squared = self.density * self.density;
+        let error: f32 = picked.iter().map(|i| i.area * i.error * self.weight(i.density)).sum();
+        let (error, area) = (0.5 * error * self.times * squared, 0.5 * self.axis.length() * squared);
+        2.0 * cost::cost(error, &Region::disc(area))
     }
 
     /// The items along axes.
@@ -546,11 +561,12 @@ impl Set {
 impl Sample {
     #[inline]
     fn of(item: &Item, weight: f32, axes: &[Vec3; 3]) -> Self {
-        let coordinates = |v: Vec3| Vec3::from(axes.map(|axis| v.dot(axis)));
-        let (p, reach) = (coordinates(item.position), Vec3::from(axes.map(|axis| item.reach.along(axis))));
+        let [x, y, z] = *axes;
+        let coordinates = |v: Vec3| Vec3A::new(v.dot(x), v.dot(y), v.dot(z));
+        let p = coordinates(item.position);
+        let reach = Vec3A::new(item.reach.along(x), item.reach.along(y), item.reach.along(z));
         let axis = coordinates(item.axis) * item.area;
         let weighted = item.area * weight;
-        let (axis, p, reach) = (Vec3A::from(axis), Vec3A::from(p), Vec3A::from(reach));
         Self { key: 0.0, area: item.area, weighted, axis, low: p - reach, high: p + reach }
     }
 }
@@ -637,229 +653,6 @@ fn principal_axis(m: Mat3) -> Vec3 {
     longest.try_normalize().unwrap_or(Vec3::X)
 }
 
-// Splits patches into connected components.
-//
-// Where normals are rough, cutting by normals leaves patches in many pieces, half of them single fans. Each connected piece
-// becomes a patch; fragments go to the neighbour with the longest common border whose direction sees them well,
-// before anything is laid flat. That gives fewer groups, more density and less foreshortening than
-// when `merge` judges all of them.
-
-/// Pieces of at most so many texels, one block of a tile, look for a neighbour to join. Its rectangle hardly grows for them.
-const FRAGMENT_TEXELS: f32 = 16.0;
-
-/// Fragments whose neighbours are fragments, too, may find one in a later round.
-const ROUNDS: usize = 3;
-
-/// Place of fans that share no patch with others.
-const ALONE: u32 = u32::MAX;
-
-/// The seed of fans that were not visited yet.
-const UNSEEN: u32 = u32::MAX;
-
-/// Separates patches into connected pieces, through triangles.
-pub(crate) struct Connector<'a> {
-    fans: FanSet<'a>,
-    /// Where in the order each fan is; `ALONE` for fans that are not projected. May be out of date for fans that are not
-    /// looked at, so a place counts only where the order names the fan.
-    places: Vec<u32>,
-}
-
-impl<'a> Connector<'a> {
-    pub(crate) fn new(fans: FanSet<'a>) -> Self {
-        let place = |shape: &FanShape| if shape.layout == Layout::Projected { 0 } else { ALONE };
-        Self { fans, places: fans.shapes.iter().map(place).collect() }
-    }
-
-    /// Reorders each of the patches, which lie one after the other in `order` from `start` on, by connected pieces; returns
-    /// the pieces' lengths.
-    pub(crate) fn separate(&mut self, order: &mut [u32], start: usize, lengths: &[u32]) -> Vec<u32> {
-        let end = start + lengths.iter().sum::<u32>() as usize;
-        self.note_places(&order[start..end], start);
-        let seeds = self.seeds(order, start, lengths);
-        let (sorted, lengths) = sorted_by_seed(&order[start..end], &seeds, start as u32);
-        order[start..end].copy_from_slice(&sorted);
-        lengths
-    }
-
-    /// All fans by connected pieces of the patches, which lie one after the other in `order`, with the pieces' lengths.
-    /// Fragments went to a neighbour whose direction their triangles' normals face with a cosine of at least `facing`.
-    pub(crate) fn connect(&mut self, order: &[u32], lengths: &[u32], facing: f32) -> (Vec<u32>, Vec<u32>) {
-        self.note_places(order, 0);
-        let mut seeds = self.seeds(order, 0, lengths);
-        self.absorb(order, &mut seeds, facing);
-        sorted_by_seed(order, &seeds, 0)
-    }
-
-    fn note_places(&mut self, order: &[u32], start: usize) {
-        for (place, &fan) in (start as u32..).zip(order) {
-            let noted = &mut self.places[fan as usize];
-            if *noted != ALONE {
-                *noted = place;
-            }
-        }
-    }
-
-    /// For every fan of the patches the place of the first fan of its connected piece.
-    fn seeds(&self, order: &[u32], start: usize, lengths: &[u32]) -> Vec<u32> {
-        let mut seeds = vec![UNSEEN; lengths.iter().sum::<u32>() as usize];
-        let mut patches = Vec::with_capacity(lengths.len());
-        let (mut rest, mut first) = (seeds.as_mut_slice(), start as u32);
-        for &length in lengths {
-            let (patch, tail) = rest.split_at_mut(length as usize);
-            patches.push((first, patch));
-            (rest, first) = (tail, first + length);
-        }
-        patches.into_par_iter().for_each_init(Vec::new, |stack, (first, seeds)| {
-            for i in 0..seeds.len() {
-                if seeds[i] == UNSEEN {
-                    self.flood(order, first, first + i as u32, seeds, stack);
-                }
-            }
-        });
-        seeds
-    }
-
-    /// Marks the piece of the fan at place `seed` in a patch that begins at place `first`.
-    fn flood(&self, order: &[u32], first: u32, seed: u32, seeds: &mut [u32], stack: &mut Vec<u32>) {
-        seeds[(seed - first) as usize] = seed;
-        if self.places[order[seed as usize] as usize] == ALONE {
-            return;
-        }
-        stack.push(seed);
-        while let Some(at) = stack.pop() {
-            self.for_neighbours(order[at as usize], |fan, place| {
-                let index = place.wrapping_sub(first) as usize;
-                if index < seeds.len() && seeds[index] == UNSEEN && order[place as usize] == fan {
-                    seeds[index] = seed;
-                    stack.push(place);
-                }
-            });
-        }
-    }
-
-    /// The fans around a fan's ring, with their places.
-    #[inline]
-    fn for_neighbours(&self, fan: u32, mut visit: impl FnMut(u32, u32)) {
-        let fans = &self.fans.surface.fans;
-        let corners = fans.corners(fan as usize);
-        let mut visit = |fan: u32| visit(fan, self.places[fan as usize]);
-        for corner in corners {
-            visit(fans.of_triangle(corner.triangle())[corner.slots()[1]]);
-        }
-        if !fans.is_closed(fan as usize)
-            && let Some(last) = corners.last()
-        {
-            visit(fans.of_triangle(last.triangle())[last.slots()[2]]);
-        }
-    }
-
-    /// Gives every fragment that finds one the seed of a larger piece.
-    fn absorb(&self, order: &[u32], seeds: &mut [u32], facing: f32) {
-        let mut pieces = vec![Piece::default(); order.len()];
-        for (&fan, &seed) in order.iter().zip(seeds.iter()) {
-            pieces[seed as usize].add(&self.fans.shapes[fan as usize], self.fans.density(fan));
-        }
-        let mut members: Vec<(u32, u32)> =
-            seeds.iter().copied().zip(0..).filter(|&(seed, _)| pieces[seed as usize].is_fragment()).collect();
-        members.par_sort_unstable();
-        let mut fragments: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
-        for _ in 0..ROUNDS {
-            let targets: Vec<Option<u32>> = fragments
-                .par_iter()
-                .with_min_len(64)
-                .map_init(Vec::new, |borders, fragment| {
-                    self.longest_borders(order, seeds, &pieces, fragment, borders);
-                    borders.iter().map(|b| b.0).find(|&seed| {
-                        self.sees(pieces[seed as usize].axis.normalize_or_zero(), order, fragment, facing)
-                    })
-                })
-                .collect();
-            let mut targets = targets.into_iter();
-            fragments.retain(|fragment| {
-                let target = targets.next().flatten();
-                for &(_, at) in target.iter().flat_map(|_| fragment.iter()) {
-                    seeds[at as usize] = target.unwrap_or(UNSEEN);
-                }
-                target.is_none()
-            });
-        }
-    }
-
-    /// The pieces around a fragment that are none themselves, as `(seed, length of the common border)`, the longest first.
-    fn longest_borders(
-        &self,
-        order: &[u32],
-        seeds: &[u32],
-        pieces: &[Piece],
-        fragment: &[(u32, u32)],
-        borders: &mut Vec<(u32, u32)>,
-    ) {
-        borders.clear();
-        for &(_, at) in fragment {
-            self.for_neighbours(order[at as usize], |_, place| {
-                if place != ALONE && !pieces[seeds[place as usize] as usize].is_fragment() {
-                    borders.push((seeds[place as usize], 1));
-                }
-            });
-        }
-        sum_by_name(borders);
-        borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-    }
-
-    /// True where every triangle around a fragment's fans faces a direction well enough.
-    fn sees(&self, direction: Vec3, order: &[u32], fragment: &[(u32, u32)], facing: f32) -> bool {
-        fragment.iter().all(|&(_, at)| {
-            let fan = order[at as usize] as usize;
-            self.places[fan] != ALONE && farthest_cosine(self.fans.shapes[fan].cone, direction) >= facing
-        })
-    }
-}
-
-/// Sums over the fans of a connected piece.
-#[derive(Clone, Copy, Default)]
-struct Piece {
-    axis: Vec3,
-    texels: f32,
-}
-
-impl Piece {
-    fn add(&mut self, fan: &FanShape, density: f32) {
-        self.axis += fan.axis * fan.area;
-        self.texels += fan.area * density * density;
-    }
-
-    fn is_fragment(&self) -> bool {
-        self.texels <= FRAGMENT_TEXELS
-    }
-}
-
-/// The cosine between a direction and the member of a cone that lies farthest from it.
-fn farthest_cosine(Cone { axis, cos }: Cone, direction: Vec3) -> f32 {
-    let between = axis.dot(direction);
-    let sines = ((1.0 - between * between).max(0.0) * (1.0 - cos * cos).max(0.0)).sqrt();
-    between * cos - sines
-}
-
-/// Fans stable-sorted by seed, and the number of fans of each seed, ascending. Seeds count from `first`.
-fn sorted_by_seed(fans: &[u32], seeds: &[u32], first: u32) -> (Vec<u32>, Vec<u32>) {
-    let mut ends = vec![0_u32; fans.len()];
-    for &seed in seeds {
-        ends[(seed - first) as usize] += 1;
-    }
-    let lengths: Vec<u32> = ends.iter().copied().filter(|&n| n > 0).collect();
-    let mut sum = 0;
-    for end in &mut ends {
-        sum += std::mem::replace(end, sum);
-    }
-    let mut sorted = vec![0; fans.len()];
-    for (&fan, &seed) in fans.iter().zip(seeds) {
-        let end = &mut ends[(seed - first) as usize];
-        sorted[*end as usize] = fan;
-        *end += 1;
-    }
-    (sorted, lengths)
-}
-
 #[cfg(test)]
 mod tests {
     use fantex_mesh::generate::{LandscapeOptions, landscape};
@@ -882,7 +675,9 @@ mod tests {
             let density = NominalDensity::new(&surface, &options);
             let fans = FanSet { surface: &surface, shapes: &shapes, density: &density };
             let tolerances = [1.03, 1.15];
-            let cutting = Cutting { extent_texels: 512.0, tolerances, normals_below: 768.0, watch };
+            let is_thorough = texels == 20_000;
+            let cutting =
+                Cutting { extent_texels: 512.0, tolerances, normals_below: 768.0, is_thorough, watch };
             let at_once = partition_by(&fans, &cutting, usize::MAX);
             let counts = at_once.1.each_ref().map(Vec::len);
             assert!(counts[1] > counts[0] && counts[0] > 8, "{counts:?} patches");

@@ -23,6 +23,9 @@ pub(crate) const BLOCK: u32 = 4;
 /// Blocks that are counted at a time, or those of a single tile: 8 MiB of bits, for the longest tile 32.
 const BLOCKS_AT_ONCE: u64 = 1 << 26;
 
+/// So many groups tell to a few thousandths by how much what is stored differs from what was expected.
+const SAMPLED_GROUPS: usize = 2048;
+
 /// A bit per block of 4x4 texels of all tiles at level 0: whether look-ups read it.
 #[derive(Debug)]
 pub struct StoredBlocks {
@@ -37,15 +40,15 @@ pub struct StoredBlocks {
 }
 
 impl StoredBlocks {
-    /// Of some groups, none of which is read.
-    fn unread(groups: &[Group], first_group: usize) -> Self {
+    /// Of every `step`th of some groups; none is read.
+    fn unread(groups: &[Group], first_group: usize, step: usize) -> Self {
         let mut count = 0;
-        let start = |group: &Group| {
+        let start = |(i, group): (usize, &Group)| {
             let start = count;
-            count += blocks_of(group);
+            count += if i.is_multiple_of(step) { blocks_of(group) } else { 0 };
             start
         };
-        let starts: Vec<u64> = groups.iter().map(start).collect();
+        let starts: Vec<u64> = groups.iter().enumerate().map(start).collect();
         let bits = (0..count.div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
         let columns = groups.iter().map(|group| group.extent[0] / BLOCK).collect();
         Self { bits, first_group, starts, columns }
@@ -73,6 +76,13 @@ impl Cover {
         self.stored_texels_counted(mesh, BLOCKS_AT_ONCE)
     }
 
+    /// Texels that are stored of every `step`th group, beginning with the first, of some thousands; and `step`. `None` where they are not many more.
+    pub(crate) fn stored_texels_of_some(&self, mesh: &Mesh) -> Option<(u64, usize)> {
+        let blocks = self.groups.iter().map(blocks_of).sum::<u64>();
+        let step = (self.groups.len() / SAMPLED_GROUPS).max(blocks.div_ceil(BLOCKS_AT_ONCE) as usize);
+        (step > 2).then(|| (self.stored_blocks_of_every(step, mesh).texels(), step))
+    }
+
     /// Counts so many blocks at a time, or those of a single tile.
     fn stored_texels_counted(&self, mesh: &Mesh, at_once: u64) -> u64 {
         if self.groups.iter().map(blocks_of).sum::<u64>() <= at_once {
@@ -80,7 +90,7 @@ impl Cover {
         }
         let triangles = GroupTriangles::of(self);
         let counted = |groups: Range<usize>| {
-            let blocks = StoredBlocks::unread(&self.groups[groups.clone()], groups.start);
+            let blocks = StoredBlocks::unread(&self.groups[groups.clone()], groups.start, 1);
             groups.into_par_iter().for_each(|group| {
                 let id = group as u32;
                 triangles.of_group(id).par_iter().for_each(|&triangle| {
@@ -112,10 +122,16 @@ impl Cover {
 
     /// The blocks that look-ups read: a bit per block of the tiles.
     pub fn stored_blocks(&self, mesh: &Mesh) -> StoredBlocks {
-        let blocks = StoredBlocks::unread(&self.groups, 0);
+        self.stored_blocks_of_every(1, mesh)
+    }
+
+    /// The same of every `step`th group, beginning with the first.
+    fn stored_blocks_of_every(&self, step: usize, mesh: &Mesh) -> StoredBlocks {
+        let blocks = StoredBlocks::unread(&self.groups, 0, step);
         let mark = |triangle: usize| {
             let groups = self.corner_groups[triangle];
-            let distinct = (0..3_usize).filter(|&slot| !groups[..slot].contains(&groups[slot]));
+            let is_asked = |slot: usize| (groups[slot] as usize).is_multiple_of(step);
+            let distinct = (0..3).filter(|&slot| is_asked(slot) && !groups[..slot].contains(&groups[slot]));
             distinct.for_each(|slot| self.mark(mesh, triangle, slot, &blocks));
         };
         (0..mesh.triangles.len()).into_par_iter().with_min_len(1 << 10).for_each(mark);
@@ -127,9 +143,10 @@ impl Cover {
         let groups = self.corner_groups[triangle];
         let id = groups[slot];
         let group = &self.groups[id as usize];
-        let inside = groups.map(|other| other == id);
+        let inside = [groups[0] == id, groups[1] == id, groups[2] == id];
         let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
-        let corners = self.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+        let [a, b, c] = self.tile_corners(mesh, triangle, slot);
+        let corners = [a * texels, b * texels, c * texels];
         let cells = Cells::blocks(group.extent);
         let start = blocks.starts[id as usize - blocks.first_group];
         let in_row = |row: u32, [from, to]: [u32; 2]| {

@@ -16,8 +16,8 @@ pub(crate) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     pub(crate) fn new(mesh: &'a Mesh, fans: Fans) -> Self {
-        let facet = |t: &[u32; 3]| facet(t.map(|v| mesh.positions[v as usize]));
-        let facets = mesh.triangles.par_iter().with_min_len(1 << 12).map(facet).collect();
+        let facets = (0..mesh.triangles.len()).into_par_iter().with_min_len(1 << 12);
+        let facets = facets.map(|t| facet(mesh.triangle_positions(t))).collect();
         Self { mesh, fans, creases: Vec::new(), facets }
     }
 
@@ -49,14 +49,16 @@ impl<'a> Surface<'a> {
     #[inline]
     pub(crate) fn fan_vertices(&self, corner: FanCorner) -> [u32; 3] {
         let t = self.mesh.triangles[corner.triangle()];
-        corner.slots().map(|k| t[k])
+        let [center, from, to] = corner.slots();
+        [t[center], t[from], t[to]]
     }
 
     /// Positions of the centre and of the earlier and later ring vertex.
     #[inline]
     pub(crate) fn fan_triangle(&self, corner: FanCorner) -> [Vec3; 3] {
         let t = self.mesh.triangle_positions(corner.triangle());
-        corner.slots().map(|k| t[k])
+        let [center, from, to] = corner.slots();
+        [t[center], t[from], t[to]]
     }
 
     /// Pairs of fans on different sides of a crease, both ways around, ascending.

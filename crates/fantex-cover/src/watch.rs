@@ -140,15 +140,15 @@ pub(crate) mod time {
 
     // One of the ways to group fans: until they are
     /// cut into sets,
-    pub(crate) const CUT: f32 = 5.0;
+    pub(crate) const CUT: f32 = 2.0;
     /// whose connected pieces are found,
-    pub(crate) const CONNECTED: f32 = 5.3;
+    pub(crate) const CONNECTED: f32 = 2.3;
     /// laid flat,
-    pub(crate) const FLATTENED: f32 = 6.8;
+    pub(crate) const FLATTENED: f32 = 3.8;
     /// and joined.
-    pub(crate) const JOINED: f32 = 12.0;
+    pub(crate) const JOINED: f32 = 9.0;
     /// All of it.
-    const WAY: f32 = 12.3;
+    const WAY: f32 = 9.3;
 
     /// All before the next way, after so many.
     pub(crate) fn grouped(ways: usize) -> f32 {
@@ -167,5 +167,5 @@ pub(crate) mod time {
     pub(crate) const LAYING: f32 = 1.1;
 
     /// Trying sizes of tiles, and measuring.
-    pub(crate) const SIZING: f32 = 3.0;
+    pub(crate) const SIZING: f32 = 2.0;
 }

@@ -140,7 +140,9 @@ impl Mesh {
     /// The three positions of a triangle.
     #[inline]
     pub fn triangle_positions(&self, triangle: usize) -> [Vec3; 3] {
-        self.triangles[triangle].map(|v| self.positions[v as usize])
+        let [a, b, c] = self.triangles[triangle];
+        let at = |vertex: u32| self.positions[vertex as usize];
+        [at(a), at(b), at(c)]
     }
 
     /// The mesh of some of the triangles, in the order given, with the vertices that they use, in their order: in the same mesh space, with
