@@ -32,6 +32,8 @@ pub(crate) struct Chart {
     pub(crate) corners: Vec<[Vec2; 3]>,
     /// Sides of its rectangle, mesh units.
     pub(crate) extent: Vec2,
+    /// Sides of triangles that no other one has, as the corners; none where these are hardly fewer, or not known.
+    pub(crate) border: Vec<[Vec2; 2]>,
 }
 
 impl Chart {
@@ -41,7 +43,7 @@ impl Chart {
         let low = points.clone().copied().reduce(Vec2::min).unwrap_or_default();
         let high = points.copied().reduce(Vec2::max).unwrap_or_default();
         corners.as_flattened_mut().iter_mut().for_each(|p| *p -= low);
-        Self { triangles, corners, extent: high - low }
+        Self { triangles, corners, extent: high - low, border: Vec::new() }
     }
 
     /// Turned so that its rectangle is smallest and lies on its long side.
@@ -55,6 +57,19 @@ impl Chart {
             *p = Vec2::new(p.dot(x_axis), p.dot(x_axis.perp()));
         }
         Self::new(self.triangles, self.corners)
+    }
+
+    /// Finds its border. It must not change from there on.
+    pub(crate) fn find_border(&mut self, across: &[u32], slots: &Slots) {
+        let mut border = Vec::new();
+        for_each_side(self, across, slots, |index, k, beyond| {
+            if beyond.is_none() {
+                border.push([self.corners[index][k], self.corners[index][(k + 1) % 3]]);
+            }
+        });
+        if border.len() < self.triangles.len() {
+            self.border = border;
+        }
     }
 
     /// Turned so that the square around it is smallest: what is long and narrow lies along the diagonal.

@@ -12,6 +12,7 @@ use crate::fullest::fullest;
 use crate::layout_progress::LayoutProgress;
 use crate::mask::Mask;
 use crate::packing::{Masks, Orders, Place, are_few, has_strips, pack};
+use crate::slots::Slots;
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -191,6 +192,8 @@ fn packed_charts(
         // Among masks of one size, those of neighbours come together.
         charts.sort_by_cached_key(|chart| morton(middle(mesh, chart)));
     }
+    let slots = Slots::new(mesh.triangles.len());
+    charts.par_iter_mut().for_each(|chart| chart.find_border(across, &slots));
     step.reach(LayoutProgress::CUT);
     let progress = step.progress();
     if progress.is_cancelled() {
@@ -403,8 +406,12 @@ pub(crate) fn each_mask(
     let mask_of = |chart: &Chart| {
         let extent = (chart.extent * blocks_per_unit + 1.0).ceil().max(Vec2::ONE).as_uvec2();
         let fits = extent.max_element() <= longest && !progress.is_cancelled();
-        let corners = |corners: &[Vec2; 3]| corners.map(|q| q * blocks_per_unit + 0.5);
-        fits.then(|| Mask::around(extent.x, extent.y, chart.corners.iter().map(corners)))
+        let place = |q: Vec2| q * blocks_per_unit + 0.5;
+        let mask = || match chart.border.is_empty() {
+            true => Mask::around(extent.x, extent.y, chart.corners.iter().map(|corners| corners.map(place))),
+            false => Mask::within(extent.x, extent.y, chart.border.iter().map(|ends| ends.map(place))),
+        };
+        fits.then(mask)
     };
     charts.par_iter().map(mask_of).collect()
 }

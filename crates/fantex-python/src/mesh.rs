@@ -254,6 +254,7 @@ type Unwrapping<'py> =
 /// Unwraps triangles: vertex mapping, faces, texture coordinates with v upwards, number of charts, columns and rows of the picture.
 #[pyfunction]
 #[pyo3(signature = (positions, faces, side, padding, square, weld, progress))]
+#[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
 pub(crate) fn parametrize<'py>(
     py: Python<'py>,
     positions: PyReadonlyArray2<'py, f64>,
