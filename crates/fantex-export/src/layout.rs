@@ -118,8 +118,12 @@ const NEARLY: f32 = 0.95;
 /// A picture has at most so many times the texels that it was asked to have, if the charts fit: needles would fill any picture with padding.
 const MAX_TEXELS_PER_ASKED: f64 = 16.0;
 
-/// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits, then in the finer one.
+/// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits; then, up to
+/// [`MAX_FINE`] charts, in the finer one.
 const STEPS: [f32; 2] = [1.01, 1.002];
+
+/// More charts than this hardly fill a picture more by fine steps, and take long.
+const MAX_FINE: usize = 64;
 
 /// Such densities at most for each ratio.
 const MAX_STEPS: usize = 20;
@@ -368,7 +372,8 @@ pub(crate) fn densest(
     // Other orders than by size are denser yet.
     let mut orders = None;
     let steps = if are_few(charts.len(), [side / block; 2]) { MAX_STEPS } else { 0 };
-    for step in STEPS {
+    let ratios = if charts.len() <= MAX_FINE { &STEPS[..] } else { &STEPS[..1] };
+    for step in ratios {
         for _ in 0..steps {
             let density = low * step;
             let Some(masks) = masks_at(density) else { break };
