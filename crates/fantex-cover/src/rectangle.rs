@@ -67,7 +67,7 @@ impl RectangleFinder {
     }
 
     /// The convex hull of the points of the last call of [`smallest`](Self::smallest); z goes along.
-    pub(crate) fn hull(&self) -> &[Vec3] {
+    pub fn hull(&self) -> &[Vec3] {
         &self.hull
     }
 

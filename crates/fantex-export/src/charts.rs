@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 
 use fantex_base::UnionFind;
 use fantex_cover::{Rectangle, RectangleFinder, SPAN_SLACK, span};
-use fantex_mesh::{Edges, Mesh};
+use fantex_mesh::{Edges, Mesh, unit_vector};
 use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
 use rayon::prelude::*;
 
@@ -32,6 +32,8 @@ pub(crate) struct Chart {
     pub(crate) corners: Vec<[Vec2; 3]>,
     /// Sides of its rectangle, mesh units.
     pub(crate) extent: Vec2,
+    /// Sides of triangles that no other one has, as the corners; none where these are hardly fewer, or not known.
+    pub(crate) border: Vec<[Vec2; 2]>,
 }
 
 impl Chart {
@@ -41,7 +43,7 @@ impl Chart {
         let low = points.clone().copied().reduce(Vec2::min).unwrap_or_default();
         let high = points.copied().reduce(Vec2::max).unwrap_or_default();
         corners.as_flattened_mut().iter_mut().for_each(|p| *p -= low);
-        Self { triangles, corners, extent: high - low }
+        Self { triangles, corners, extent: high - low, border: Vec::new() }
     }
 
     /// Turned so that its rectangle is smallest and lies on its long side.
@@ -55,6 +57,53 @@ impl Chart {
             *p = Vec2::new(p.dot(x_axis), p.dot(x_axis.perp()));
         }
         Self::new(self.triangles, self.corners)
+    }
+
+    /// Finds its border. It must not change from there on.
+    pub(crate) fn find_border(&mut self, across: &[u32], slots: &Slots) {
+        let mut border = Vec::new();
+        for_each_side(self, across, slots, |index, k, beyond| {
+            if beyond.is_none() {
+                border.push([self.corners[index][k], self.corners[index][(k + 1) % 3]]);
+            }
+        });
+        if border.len() < self.triangles.len() {
+            self.border = border;
+        }
+    }
+
+    /// Turned so that the square around it is smallest: what is long and narrow lies along the diagonal.
+    pub(crate) fn turn_into_square(&mut self) {
+        let mut points: Vec<Vec3> = self.corners.as_flattened().iter().map(|p| p.extend(0.0)).collect();
+        let mut rectangles = RectangleFinder::default();
+        rectangles.smallest(&mut points, 0.0);
+        let hull: Vec<Vec2> = rectangles.hull().iter().map(|p| p.truncate()).collect();
+        let side = |degrees: f32| {
+            let x_axis = unit_vector(degrees.to_radians());
+            let length = |axis: Vec2| {
+                let along = || hull.iter().map(|p| p.dot(axis));
+                along().fold(f32::NEG_INFINITY, f32::max) - along().fold(f32::INFINITY, f32::min)
+            };
+            length(x_axis).max(length(x_axis.perp()))
+        };
+        let least = |angles: [f32; 2], steps: u16| {
+            let angles =
+                (0..=steps).map(|i| angles[0] + (angles[1] - angles[0]) * f32::from(i) / f32::from(steps));
+            angles
+                .map(|angle| (angle, side(angle)))
+                .fold((0.0, side(0.0)), |a, b| if b.1 < a.1 { b } else { a })
+        };
+        let (mut degrees, mut reach) = (least([0.0, 90.0], 90).0, 1.0);
+        while reach > 1e-3 {
+            degrees = least([degrees - reach, degrees + reach], 20).0;
+            reach /= 10.0;
+        }
+        if degrees != 0.0 {
+            let x_axis = unit_vector(degrees.to_radians());
+            let turned =
+                |corners: &[Vec2; 3]| corners.map(|p| Vec2::new(p.dot(x_axis), p.dot(x_axis.perp())));
+            *self = Self::new(std::mem::take(&mut self.triangles), self.corners.iter().map(turned).collect());
+        }
     }
 
     /// The orthogonal projection along `direction` (unit).

@@ -8,9 +8,11 @@ use rayon::prelude::*;
 
 use crate::charts::{Chart, NONE, charts, continued};
 use crate::export::cancelled;
+use crate::fullest::fullest;
 use crate::layout_progress::LayoutProgress;
 use crate::mask::Mask;
 use crate::packing::{Masks, Orders, Place, are_few, has_strips, pack};
+use crate::slots::Slots;
 
 pub(crate) const NOBODY: u32 = u32::MAX;
 
@@ -116,10 +118,14 @@ const NEARLY: f32 = 0.95;
 /// A picture has at most so many times the texels that it was asked to have, if the charts fit: needles would fill any picture with padding.
 const MAX_TEXELS_PER_ASKED: f64 = 16.0;
 
-/// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits.
-const STEP: f32 = 1.01;
+/// Charts are packed in other orders at densities that follow each other in this ratio, while one of the orders fits; then, up to
+/// [`MAX_FINE`] charts, in the finer one.
+const STEPS: [f32; 2] = [1.01, 1.002];
 
-/// Such densities at most.
+/// More charts than this hardly fill a picture more by fine steps, and take long.
+const MAX_FINE: usize = 64;
+
+/// Such densities at most for each ratio.
 const MAX_STEPS: usize = 20;
 
 /// Each of the orders is changed so many times before a density is given up.
@@ -137,24 +143,68 @@ const FILLED_SHARE: f64 = 0.7;
 /// Charts longer than so many sides of a picture that all of them fill well are cut across.
 const MAX_LENGTH: f32 = 2.0;
 
-/// Cuts the mesh into charts and packs them.
+/// Cuts the mesh into charts and packs them into a square picture.
 ///
 /// # Errors
 /// There are too many charts for the picture, or it was cancelled.
 pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress) -> Result<Layout> {
     let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
     let across = continued(mesh);
-    let charts = charts(mesh, &across, request.texels_per_unit, &step);
+    let (charts, packed) = packed_charts(mesh, &across, request, true, &step)?;
+    let layout = laid_out(mesh, &charts, &across, &packed);
+    step.reach(1.0);
+    Ok(layout)
+}
+
+/// Texture coordinates alone, the number of charts, and the picture that they are shares of: a square, or the rectangle that holds the charts
+/// best.
+///
+/// # Errors
+/// There are too many charts for the picture, or it was cancelled.
+pub(crate) fn coordinates(
+    mesh: &Mesh,
+    request: &AtlasRequest,
+    is_square: bool,
+    progress: &dyn Progress,
+) -> Result<(Vec<[Vec2; 3]>, usize, Packed)> {
+    let step = LayoutProgress::new(mesh, request.texels_per_unit, progress);
+    let (charts, packed) = packed_charts(mesh, &continued(mesh), request, is_square, &step)?;
+    let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
+    let size = Vec2::from(packed.size().map(|n| n as f32));
+    for (i, chart) in charts.iter().enumerate() {
+        for (triangle, corners) in chart.iter() {
+            uv[triangle as usize] = in_picture(corners, i, &packed).map(|c| c / size);
+        }
+    }
+    step.reach(1.0);
+    Ok((uv, charts.len(), packed))
+}
+
+fn packed_charts(
+    mesh: &Mesh,
+    across: &[u32],
+    request: &AtlasRequest,
+    is_square: bool,
+    step: &LayoutProgress<'_>,
+) -> Result<(Vec<Chart>, Packed)> {
+    let charts = charts(mesh, across, request.texels_per_unit, step);
     let mut charts = cut_across(charts, request);
+    if is_square && let [chart] = &mut charts[..] {
+        chart.turn_into_square();
+    }
     if has_strips(charts.len()) {
         // Among masks of one size, those of neighbours come together.
         charts.sort_by_cached_key(|chart| morton(middle(mesh, chart)));
     }
+    let slots = Slots::new(mesh.triangles.len());
+    charts.par_iter_mut().for_each(|chart| chart.find_border(across, &slots));
     step.reach(LayoutProgress::CUT);
+    let progress = step.progress();
     if progress.is_cancelled() {
         return Err(cancelled());
     }
     let packed = match request.side {
+        Some(side) if !is_square => fullest(&charts, side, request, progress),
         Some(side) => densest(&charts, side, request, progress),
         None => smallest(&charts, request, progress),
     };
@@ -168,22 +218,31 @@ pub(crate) fn atlas(mesh: &Mesh, request: &AtlasRequest, progress: &dyn Progress
              --padding"
         ))
     })?;
-    let layout = laid_out(mesh, &charts, &across, &packed);
-    step.reach(1.0);
-    Ok(layout)
+    Ok((charts, packed))
 }
 
-struct Packed {
-    side: u32,
-    block: u32,
-    density: f32,
-    places: Vec<Place>,
+/// Charts in a picture.
+pub(crate) struct Packed {
+    /// Columns and rows of blocks.
+    pub(crate) blocks: [u32; 2],
+    /// Texels along each side of a block.
+    pub(crate) block: u32,
+    /// Texels per mesh unit.
+    pub(crate) density: f32,
+    pub(crate) places: Vec<Place>,
     /// As they lie in the picture.
-    masks: Vec<Mask>,
+    pub(crate) masks: Vec<Mask>,
+}
+
+impl Packed {
+    /// Columns and rows of texels.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        self.blocks.map(|blocks| blocks * self.block)
+    }
 }
 
 /// The padding for charts: what the levels ask for, less where charts would consist of padding mostly.
-fn padding(charts: &[Chart], side: u32, request: &AtlasRequest) -> u32 {
+pub(crate) fn padding(charts: &[Chart], side: u32, request: &AtlasRequest) -> u32 {
     if let Some(padding) = request.padding {
         return padding.min(side / 4).max(1);
     }
@@ -264,12 +323,17 @@ fn smallest(charts: &[Chart], request: &AtlasRequest, progress: &dyn Progress) -
 
 /// The largest density at which the charts fit a side: to half a percent by size, to one percent in other orders where they are few. Any or
 /// none once it is cancelled.
-fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn Progress) -> Option<Packed> {
+pub(crate) fn densest(
+    charts: &[Chart],
+    side: u32,
+    request: &AtlasRequest,
+    progress: &dyn Progress,
+) -> Option<Packed> {
     let block = padding(charts, side, request);
     let masks_at = |density: f32| masks(charts, side / block, density / block as f32, progress);
     let packed = |density: f32, masks: Masks, places: Vec<Place>| {
         let masks = masks.placed(&places);
-        Packed { side, block, density, places, masks }
+        Packed { blocks: [side / block; 2], block, density, places, masks }
     };
     let at = |density: f32| {
         let masks = masks_at(density)?;
@@ -281,6 +345,12 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     let area: f64 = charts.iter().map(flat_area).sum();
     let filled = f64::from(side) / area.max(f64::MIN_POSITIVE).sqrt();
     let mut high = ((side - block) as f32 / longest).min(filled as f32);
+    // Nothing is in the way of a single one. Rounding is.
+    if charts.len() == 1
+        && let Some(packed) = at(high * (1.0 - 1e-6))
+    {
+        return Some(packed);
+    }
     let mut best = None;
     let mut low = high;
     for _ in 0..40 {
@@ -301,13 +371,16 @@ fn densest(charts: &[Chart], side: u32, request: &AtlasRequest, progress: &dyn P
     }
     // Other orders than by size are denser yet.
     let mut orders = None;
-    let steps = if are_few(charts.len(), side / block) { MAX_STEPS } else { 0 };
-    for _ in 0..steps {
-        let density = low * STEP;
-        let Some(masks) = masks_at(density) else { break };
-        let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
-        let Some(places) = pack(&masks, orders, CHANGES, progress) else { break };
-        (low, best) = (density, Some(packed(density, masks, places)));
+    let steps = if are_few(charts.len(), [side / block; 2]) { MAX_STEPS } else { 0 };
+    let ratios = if charts.len() <= MAX_FINE { &STEPS[..] } else { &STEPS[..1] };
+    for step in ratios {
+        for _ in 0..steps {
+            let density = low * step;
+            let Some(masks) = masks_at(density) else { break };
+            let orders = orders.get_or_insert_with(|| Orders::by_size(&masks));
+            let Some(places) = pack(&masks, orders, CHANGES, progress) else { break };
+            (low, best) = (density, Some(packed(density, masks, places)));
+        }
     }
     best
 }
@@ -319,20 +392,33 @@ fn middle(mesh: &Mesh, chart: &Chart) -> Vec3 {
 }
 
 /// The area of a chart's triangles in their plane, square mesh units.
-fn flat_area(chart: &Chart) -> f64 {
+pub(crate) fn flat_area(chart: &Chart) -> f64 {
     chart.corners.iter().map(|[a, b, c]| 0.5 * f64::from((*b - *a).perp_dot(*c - *a).abs())).sum()
 }
 
 /// The blocks of charts, so many to a mesh unit, for a square of so many a side; none where one is larger, or once it is cancelled.
 fn masks(charts: &[Chart], side: u32, blocks_per_unit: f32, progress: &dyn Progress) -> Option<Masks> {
+    Some(Masks::new(each_mask(charts, side, blocks_per_unit, progress)?, [side; 2]))
+}
+
+/// The blocks of each chart; none where one is longer than so many, or once it is cancelled.
+pub(crate) fn each_mask(
+    charts: &[Chart],
+    longest: u32,
+    blocks_per_unit: f32,
+    progress: &dyn Progress,
+) -> Option<Vec<Mask>> {
     let mask_of = |chart: &Chart| {
         let extent = (chart.extent * blocks_per_unit + 1.0).ceil().max(Vec2::ONE).as_uvec2();
-        let fits = extent.x <= side && extent.y <= side && !progress.is_cancelled();
-        let corners = |corners: &[Vec2; 3]| corners.map(|q| q * blocks_per_unit + 0.5);
-        fits.then(|| Mask::around(extent.x, extent.y, chart.corners.iter().map(corners)))
+        let fits = extent.max_element() <= longest && !progress.is_cancelled();
+        let place = |q: Vec2| q * blocks_per_unit + 0.5;
+        let mask = || match chart.border.is_empty() {
+            true => Mask::around(extent.x, extent.y, chart.corners.iter().map(|corners| corners.map(place))),
+            false => Mask::within(extent.x, extent.y, chart.border.iter().map(|ends| ends.map(place))),
+        };
+        fits.then(mask)
     };
-    let masks: Vec<Mask> = charts.par_iter().map(mask_of).collect::<Option<_>>()?;
-    Some(Masks::new(masks, side))
+    charts.par_iter().map(mask_of).collect()
 }
 
 /// Places in a chart's rectangle as they are in the picture: half a block away from the chart's own blocks' corner.
@@ -353,13 +439,13 @@ fn in_picture(corners: [Vec2; 3], index: usize, packed: &Packed) -> [Vec2; 3] {
 }
 
 fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> Layout {
-    let blocks = packed.side / packed.block;
-    let mut owners = vec![NOBODY; blocks as usize * blocks as usize];
+    let (side, [columns, rows]) = (packed.size()[0], packed.blocks);
+    let mut owners = vec![NOBODY; columns as usize * rows as usize];
     for (i, (mask, place)) in (0u32..).zip(packed.masks.iter().zip(&packed.places)) {
         let [left, top] = place.at;
-        mask.blocks().for_each(|[x, y]| owners[((top + y) * blocks + left + x) as usize] = i);
+        mask.blocks().for_each(|[x, y]| owners[((top + y) * columns + left + x) as usize] = i);
     }
-    grow(&mut owners, blocks as usize);
+    grow(&mut owners, columns as usize);
     let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
     let mut chart_of = vec![NOBODY; mesh.triangles.len()];
     let mut placed = Vec::with_capacity(mesh.triangles.len());
@@ -368,7 +454,7 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
         starts.push(placed.len() as u32);
         for (triangle, corners) in chart.iter() {
             let corners = in_picture(corners, i as usize, packed);
-            uv[triangle as usize] = corners.map(|c| c / packed.side as f32);
+            uv[triangle as usize] = corners.map(|c| c / side as f32);
             chart_of[triangle as usize] = i;
             placed.push(Placed { triangle, chart: i, corners, continues: NOBODY });
         }
@@ -384,7 +470,7 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], across: &[u32], packed: &Packed) -> L
         })
     });
     placed.extend(beyond.collect::<Vec<_>>());
-    let page = Page { side: packed.side, placed, block: packed.block, owners };
+    let page = Page { side, placed, block: packed.block, owners };
     Layout {
         pages: vec![page],
         page_of_material: vec![Some(0); mesh.materials.len()],
@@ -577,7 +663,7 @@ mod tests {
             padding: None,
         };
         let packed = smallest(&charts, &request, &Asked::default()).unwrap();
-        assert_eq!((packed.side, packed.block), (2048, 2));
+        assert_eq!((packed.size(), packed.block), ([2048; 2], 2));
         assert!(packed.density >= NEARLY * 150.0, "{}", packed.density);
         // Squares of as many texels keep theirs.
         let square = |i: u32| {
@@ -664,7 +750,8 @@ mod tests {
         let mask = Mask::around(extent.x, extent.y, std::iter::once(corners));
         for turn in 0..4 {
             let places = vec![Place { at: [3, 5], turn }];
-            let packed = Packed { side: 128, block, density, places, masks: vec![mask.turned(turn)] };
+            let packed =
+                Packed { blocks: [128 / block; 2], block, density, places, masks: vec![mask.turned(turn)] };
             let corners = in_picture(chart.corners[0], 0, &packed);
             let [a, b, c] = corners;
             // Neither mirrored nor scaled.

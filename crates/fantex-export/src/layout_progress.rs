@@ -34,6 +34,11 @@ impl<'a> LayoutProgress<'a> {
         }
     }
 
+    /// Who is told.
+    pub(crate) fn progress(&self) -> &'a dyn Progress {
+        self.progress
+    }
+
     pub(crate) fn is_cancelled(&self) -> bool {
         self.progress.is_cancelled()
     }

@@ -19,6 +19,7 @@ mod extents;
 mod fan_files;
 mod fan_shaders;
 mod fans;
+mod fullest;
 mod layout;
 mod layout_progress;
 mod mask;

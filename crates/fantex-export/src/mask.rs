@@ -29,6 +29,34 @@ impl Mask {
         mask
     }
 
+    /// As [`around`](Self::around), of triangles that lie the same way up, from the sides of these that no other one has the other way around.
+    pub(crate) fn within(width: u32, height: u32, border: impl Iterator<Item = [Vec2; 2]>) -> Self {
+        let mut mask = Self::empty(width, height);
+        // Where the border crosses the middles of rows, and whether it goes up there.
+        let mut crossings: Vec<(u32, f32, i32)> = Vec::new();
+        for [a, b] in border {
+            mask.add([a, b, b]);
+            let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
+            // Middles from the upper end on, without the lower one.
+            let row = |y: f32| (y + 0.5).floor().max(0.0) as u32;
+            for y in row(low.y)..row(high.y).min(height) {
+                let share = (y as f32 + 0.5 - low.y) / (high.y - low.y);
+                crossings.push((y, low.x + share * (high.x - low.x), if a.y < b.y { 1 } else { -1 }));
+            }
+        }
+        crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut winding = 0;
+        for pair in crossings.windows(2) {
+            let [(y, from, step), (next, end, _)] = [pair[0], pair[1]];
+            winding += step;
+            let [from, end] = [from, end].map(|x| ((x + 0.5).floor().max(0.0) as u32).min(width));
+            if winding != 0 && next == y && from < end {
+                mask.insert_run(y, from..end);
+            }
+        }
+        mask
+    }
+
     fn add(&mut self, corners: [Vec2; 3]) {
         let [a, b, c] = corners;
         let (low, high) = (a.min(b).min(c) - 0.5, a.max(b).max(c) + 0.5);
@@ -348,6 +376,30 @@ mod tests {
                     "{a} {b} {c}: {x} {y}"
                 );
             }
+        }
+    }
+
+    /// A wavy disc with a hole: its border tells as much as its triangles.
+    #[test]
+    fn a_border_tells_the_blocks_of_the_triangles_within() {
+        for round in 0..8u8 {
+            let scale = 3.0 + 9.0 * f32::from(round);
+            let ring = |i: i32, j: i32| {
+                let angle = (i % 90) as f32 / 90.0 * std::f32::consts::TAU;
+                let radius = 0.3 + 0.15 * j as f32 + 0.05 * (7.0 * angle).sin() * j as f32;
+                (Vec2::from_angle(angle) * radius + 1.2) * scale + 1.0
+            };
+            let cells = (0..90).flat_map(|i| (0..4).map(move |j| (i, j)));
+            let triangles: Vec<[Vec2; 3]> = cells
+                .flat_map(|(i, j)| {
+                    let [a, b, c, d] = [ring(i, j), ring(i + 1, j), ring(i + 1, j + 1), ring(i, j + 1)];
+                    [[a, b, c], [a, c, d]]
+                })
+                .collect();
+            let border = (0..90).flat_map(|i| [[ring(i, 0), ring(i + 1, 0)], [ring(i + 1, 4), ring(i, 4)]]);
+            let side = (2.5 * scale) as u32 + 3;
+            let expected = Mask::around(side, side, triangles.into_iter());
+            assert!(Mask::within(side, side, border) == expected, "scale {scale}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! Charts, as sets of blocks, packed into a square.
+//! Charts, as sets of blocks, packed into a picture.
 
 use std::borrow::Cow;
 use std::cmp::Reverse;
@@ -36,9 +36,9 @@ const MIN_COARSE_SIDE: u32 = 256;
 /// The largest side, in blocks, of a square whose masks are kept in all four turns and packed in other orders than by size.
 const MAX_ORDERED_SIDE: u32 = 2048;
 
-/// Whether so many masks in a square of this side are worth a try in other orders than by size.
-pub(crate) fn are_few(count: usize, side: u32) -> bool {
-    (2..=MAX_TURNED).contains(&count) && side <= MAX_ORDERED_SIDE
+/// Whether so many masks in a picture of so many columns and rows are worth a try in other orders than by size.
+pub(crate) fn are_few(count: usize, [columns, rows]: [u32; 2]) -> bool {
+    (2..=MAX_TURNED).contains(&count) && columns.max(rows) <= MAX_ORDERED_SIDE
 }
 
 /// Whether so many masks fill strips of the square, in the order that they are given where they are of one size.
@@ -46,32 +46,63 @@ pub(crate) fn has_strips(count: usize) -> bool {
     count > MAX_TURNED
 }
 
-/// What is to be packed into a square.
+/// What is to be packed.
 pub(crate) struct Masks {
     masks: Vec<Mask>,
     /// Blocks of each.
     counts: Vec<u64>,
     /// Each in all four turns, where there are few; else none.
     pieces: Vec<Vec<Piece<'static>>>,
-    /// Columns and rows of the square.
-    side: u32,
+    /// Columns and rows of the picture.
+    size: [u32; 2],
 }
 
 impl Masks {
-    /// For a square of so many blocks a side.
-    pub(crate) fn new(masks: Vec<Mask>, side: u32) -> Self {
+    /// For a picture of so many columns and rows of blocks.
+    pub(crate) fn new(masks: Vec<Mask>, size: [u32; 2]) -> Self {
         let counts = masks.iter().map(Mask::count).collect();
-        let mut masks = Self { masks, counts, pieces: Vec::new(), side };
-        if are_few(masks.masks.len(), side) && masks.may_fit() {
-            let all_ways = |mask: &Mask| (0..4).map(|turn| Piece::new(mask.turned(turn), turn)).collect();
-            masks.pieces = masks.masks.par_iter().map(all_ways).collect();
-        }
-        masks
+        let masks = Self { masks, counts, pieces: Vec::new(), size };
+        if are_few(masks.masks.len(), size) && masks.may_fit() { masks.in_all_turns() } else { masks }
     }
 
-    /// False where they have more blocks than the square.
+    /// Few of them, for pictures of any size.
+    pub(crate) fn few(masks: Vec<Mask>) -> Self {
+        let counts = masks.iter().map(Mask::count).collect();
+        Self { masks, counts, pieces: Vec::new(), size: [u32::MAX; 2] }.in_all_turns()
+    }
+
+    fn in_all_turns(self) -> Self {
+        let all_turns = |mask: &Mask| (0..4).map(|turn| Piece::new(mask.turned(turn), turn)).collect();
+        Self { pieces: self.masks.par_iter().map(all_turns).collect(), ..self }
+    }
+
+    /// Blocks of all of them.
+    pub(crate) fn count(&self) -> u64 {
+        self.counts.iter().sum()
+    }
+
+    /// False where they have more blocks than the picture.
     fn may_fit(&self) -> bool {
-        self.counts.iter().sum::<u64>() <= u64::from(self.side).pow(2)
+        self.count() <= area(self.size)
+    }
+
+    /// Columns and rows of the largest mask.
+    pub(crate) fn largest(&self) -> [u32; 2] {
+        let sizes = self.masks.iter().map(|mask| [mask.width, mask.height]);
+        sizes.max_by_key(|&[width, height]| (width.max(height), width.min(height))).unwrap_or_default()
+    }
+
+    /// Columns and rows that they take where they lie.
+    fn box_of(&self, places: &[Place]) -> [u32; 2] {
+        let corner = |(mask, place): (&Mask, &Place)| {
+            let [width, height] = match place.turn % 2 {
+                0 => [mask.width, mask.height],
+                _ => [mask.height, mask.width],
+            };
+            [place.at[0] + width, place.at[1] + height]
+        };
+        let corners = self.masks.iter().zip(places).map(corner);
+        corners.fold([0; 2], |all, corner| [all[0].max(corner[0]), all[1].max(corner[1])])
     }
 
     /// One of them the first so many ways around, at the resolution of a packing.
@@ -115,9 +146,25 @@ impl Orders {
         }
         Self(orders)
     }
+
+    /// This one alone.
+    pub(crate) fn only(order: Vec<usize>) -> Self {
+        Self(vec![(order, Random::new(0))])
+    }
+
+    /// And this one.
+    pub(crate) fn and(mut self, order: Vec<usize>) -> Self {
+        self.0.push((order, Random::new(0)));
+        self
+    }
 }
 
-/// Where each mask lies in the square; none where they do not fit in any of the orders, each of which is changed and tried again so many
+/// Blocks of a picture.
+fn area([columns, rows]: [u32; 2]) -> u64 {
+    u64::from(columns) * u64::from(rows)
+}
+
+/// Where each mask lies in the picture; none where they do not fit in any of the orders, each of which is changed and tried again so many
 /// times unless `progress` is cancelled: what found no room comes earlier then, at a place by chance. What is large is asked in several turns
 /// where there are few.
 pub(crate) fn pack(
@@ -132,13 +179,13 @@ pub(crate) fn pack(
     let in_order = |(order, random): &mut (Vec<usize>, Random)| {
         // Rows hold a little more now and then.
         if has_strips(order.len()) {
-            let mut packing = Packing { has_strips: true, ..Packing::new(masks.side, MAX_TESTS) };
+            let mut packing = Packing { has_strips: true, ..Packing::new(masks.size, MAX_TESTS) };
             if let Ok(places) = packing.fill(masks, order) {
                 return Some(places);
             }
         }
         for change in 0..=changes {
-            match Packing::new(masks.side, MAX_TESTS).fill(masks, order) {
+            match Packing::new(masks.size, MAX_TESTS).fill(masks, order) {
                 Ok(places) => return Some(places),
                 Err(number) if number > 0 && change < changes && !progress.is_cancelled() => {
                     order[random.below(number as u64) as usize..=number].rotate_right(1);
@@ -151,6 +198,57 @@ pub(crate) fn pack(
     // All of them to their end, so that they are the same on any number of threads.
     let packed: Vec<_> = orders.0.par_iter_mut().map(in_order).collect();
     packed.into_iter().flatten().next()
+}
+
+/// Where masks lie in a box around them.
+#[derive(Clone, Debug)]
+pub(crate) struct Boxed {
+    /// Columns and rows of the box.
+    pub(crate) size: [u32; 2],
+    pub(crate) places: Vec<Place>,
+    /// The sequence in which they were packed.
+    pub(crate) order: Vec<usize>,
+}
+
+impl Boxed {
+    pub(crate) fn area(&self) -> u64 {
+        area(self.size)
+    }
+}
+
+/// A box is worth changing orders for while it gets smaller by this share.
+const SHRUNK: f64 = 0.005;
+
+/// The smallest box found around the masks in so many columns and at most so many rows; none where they do not fit. Each of the orders is
+/// changed so many times before it is given up: what reaches below the smallest box so far comes earlier.
+pub(crate) fn pack_tightly(
+    masks: &Masks,
+    [columns, rows]: [u32; 2],
+    orders: Orders,
+    changes: usize,
+    progress: &dyn Progress,
+) -> Option<Boxed> {
+    let mut best: Option<Boxed> = None;
+    for (mut order, mut random) in orders.0 {
+        let mut change = 0;
+        while change <= changes && !progress.is_cancelled() {
+            let rows = match &best {
+                Some(best) => (best.area() as f64 * (1.0 - SHRUNK) / f64::from(columns)) as u32,
+                None => rows,
+            };
+            match Packing::new([columns, rows], MAX_TESTS).fill(masks, &order) {
+                Ok(places) => {
+                    best = Some(Boxed { size: masks.box_of(&places), places, order: order.clone() });
+                    change = 0;
+                    continue;
+                }
+                Err(0) => break,
+                Err(number) => order[random.below(number as u64) as usize..=number].rotate_right(1),
+            }
+            change += 1;
+        }
+    }
+    best
 }
 
 /// A mask turned so many times, at the resolution of a packing.
@@ -174,7 +272,7 @@ impl Piece<'_> {
     }
 }
 
-/// A square that is filled mask by mask.
+/// A picture that is filled mask by mask.
 struct Packing {
     grid: Mask,
     /// The most free blocks beside each other in each row.
@@ -191,8 +289,8 @@ struct Packing {
 }
 
 impl Packing {
-    fn new(side: u32, max_tests: u64) -> Self {
-        let (grid, gaps) = (Mask::empty(side, side), vec![side; side as usize]);
+    fn new([columns, rows]: [u32; 2], max_tests: u64) -> Self {
+        let (grid, gaps) = (Mask::empty(columns, rows), vec![columns; rows as usize]);
         Self { grid, gaps, shift: 0, tests: 0, earlier_tests: 0, max_tests, has_strips: false }
     }
 
@@ -362,7 +460,7 @@ mod tests {
     fn masks_lie_at_the_first_free_place() {
         let mut random = fantex_base::Random::new(8);
         for _ in 0..20 {
-            let mut packing = Packing::new(90, MAX_TESTS);
+            let mut packing = Packing::new([90; 2], MAX_TESTS);
             for _ in 0..40 {
                 let mask = scattered(&mut random, 80);
                 let is_free = |grid: &Mask, piece: &Mask, x: u32, y: u32| {
@@ -392,13 +490,13 @@ mod tests {
         }
     }
 
-    /// All masks lie inside the square, and no two of them share a block.
-    fn assert_apart(masks: &[Mask], places: &[Place], side: u32) {
-        let mut grid = Mask::empty(side, side);
+    /// All masks lie inside the picture, and no two of them share a block.
+    fn assert_apart(masks: &[Mask], places: &[Place], [columns, rows]: [u32; 2]) {
+        let mut grid = Mask::empty(columns, rows);
         for (mask, place) in masks.iter().zip(places) {
             for [x, y] in mask.turned(place.turn).blocks() {
                 let [x, y] = [x + place.at[0], y + place.at[1]];
-                assert!(x < side && y < side && !grid.contains(x, y), "{place:?}: {x} {y}");
+                assert!(x < columns && y < rows && !grid.contains(x, y), "{place:?}: {x} {y}");
                 grid.insert(x, y);
             }
         }
@@ -408,12 +506,12 @@ mod tests {
     fn masks_of_a_coarsened_square_lie_apart() {
         let mut random = fantex_base::Random::new(5);
         let masks: Vec<Mask> = (0..60).map(|_| scattered(&mut random, 75)).collect();
-        let masks = Masks::new(masks, 1024);
+        let masks = Masks::new(masks, [1024; 2]);
         let order: Vec<usize> = (0..60).collect();
         for max_tests in [0, 3_000, 30_000] {
-            let mut packing = Packing::new(1024, max_tests);
+            let mut packing = Packing::new([1024; 2], max_tests);
             let places = packing.fill(&masks, &order).unwrap();
-            assert_apart(&masks.masks, &places, 1024);
+            assert_apart(&masks.masks, &places, [1024; 2]);
             assert_eq!(packing.grid.width << packing.shift, 1024);
             if max_tests == 0 {
                 assert_eq!(packing.grid.width, MIN_COARSE_SIDE);
@@ -444,14 +542,14 @@ mod tests {
             let masks: Vec<Mask> = (0..240)
                 .map(|i| spiral(radius * (1.0 - 0.1 * (i % 7) as f32 / 7.0), 0.7 * i as f32))
                 .collect();
-            let masks = Masks::new(masks, 1024);
+            let masks = Masks::new(masks, [1024; 2]);
             let order: Vec<usize> = (0..240).collect();
-            let mut packing = Packing::new(1024, MAX_TESTS);
+            let mut packing = Packing::new([1024; 2], MAX_TESTS);
             let places = packing.fill(&masks, &order);
             assert!(packing.tests < 1 << 20, "radius {radius}: {} tests", packing.tests);
             assert!(places.is_ok() || !fits);
             if let Ok(places) = places {
-                assert_apart(&masks.masks, &places, 1024);
+                assert_apart(&masks.masks, &places, [1024; 2]);
             }
         }
     }
@@ -469,9 +567,9 @@ mod tests {
             let masks: Vec<Mask> = masks.collect();
             let least_side = |changes: usize| {
                 let fits = |&side: &u32| {
-                    let masks = Masks::new(masks.clone(), side);
+                    let masks = Masks::new(masks.clone(), [side; 2]);
                     let places = pack(&masks, &mut Orders::by_size(&masks), changes, &NoProgress);
-                    places.iter().for_each(|places| assert_apart(&masks.masks, places, side));
+                    places.iter().for_each(|places| assert_apart(&masks.masks, places, [side; 2]));
                     places.is_some()
                 };
                 (60..200).find(fits).unwrap()
@@ -483,8 +581,36 @@ mod tests {
         assert!(fuller >= 8, "{fuller} of 12");
     }
 
+    /// Rectangles and scattered blocks lie apart in their box, which other orders make smaller.
+    #[test]
+    fn masks_lie_apart_in_small_boxes() {
+        let (mut random, mut areas) = (Random::new(11), [0; 2]);
+        for round in 0..30 {
+            let masks: Vec<Mask> = (0..1 + round)
+                .map(|_| match random.unit() < 0.5 {
+                    true => scattered(&mut random, 40),
+                    false => rectangle(1 + random.below(30) as u32, 1 + random.below(30) as u32),
+                })
+                .collect();
+            let masks = Masks::few(masks);
+            let columns = 30 + random.below(100) as u32;
+            let boxes = [0, 10].map(|changes| {
+                let orders = Orders::by_size(&masks);
+                pack_tightly(&masks, [columns, 2_000], orders, changes, &NoProgress)
+            });
+            // One that is longer than the columns fits turned, or not at all.
+            let [Some(by_size), Some(changed)] = boxes else { continue };
+            for boxed in [&by_size, &changed] {
+                assert!(boxed.size[0] <= columns && boxed.size[1] <= 2_000);
+                assert_apart(&masks.masks, &boxed.places, boxed.size);
+            }
+            areas = [areas[0] + by_size.area(), areas[1] + changed.area()];
+        }
+        assert!(areas[0] > 0 && 100 * areas[1] < 99 * areas[0], "{areas:?}");
+    }
+
     fn packed(masks: &[Mask], side: u32) -> Option<Vec<Place>> {
-        let masks = Masks::new(masks.to_vec(), side);
+        let masks = Masks::new(masks.to_vec(), [side; 2]);
         pack(&masks, &mut Orders::by_size(&masks), 0, &NoProgress)
     }
 
@@ -493,7 +619,7 @@ mod tests {
     fn small_masks_that_follow_each_other_lie_together() {
         let masks = vec![rectangle(4, 3); 8_000];
         let places = packed(&masks, 512).unwrap();
-        assert_apart(&masks, &places, 512);
+        assert_apart(&masks, &places, [512; 2]);
         let runs = places[MAX_TURNED..].chunks(32);
         let is_together = |run: &&[Place]| {
             (0..2).all(|i| {

@@ -6,41 +6,44 @@ use fantex_mesh::{CleanOptions, CornerOrigins, Mesh, Model, clean_traced};
 use glam::{DVec3, Vec2};
 use rustc_hash::FxHashMap;
 
-use crate::layout::{AtlasRequest, atlas};
+use crate::layout::{AtlasRequest, coordinates};
 use crate::vertex_copies::VertexCopies;
 use crate::{ExportOptions, MAX_SIDE};
 
 /// How a mesh is unwrapped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnwrapOptions {
-    /// Columns and rows of the square picture, a power of two.
+    /// Columns and rows of a square picture, a power of two.
     pub side: u32,
     /// Texels that are a chart's own around it, a power of two up to [`MAX_PADDING`](crate::MAX_PADDING); without it, a 128th of the
     /// side, 2 to 16, less where there are very many charts.
     pub padding: Option<u32>,
+    /// The picture is that square. Else it has any sides that hold the charts well, of whole paddings, and about as many texels at most: less
+    /// of it stays empty where charts are few.
+    pub is_square: bool,
 }
 
 impl Default for UnwrapOptions {
-    /// 2048 texels a side.
+    /// A square of 2048 texels a side.
     fn default() -> Self {
-        Self { side: 2048, padding: None }
+        Self { side: 2048, padding: None, is_square: true }
     }
 }
 
 /// Texture coordinates of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unwrapped {
-    /// Of each triangle's corners, 0..1, origin top left, v downwards.
+    /// Of each triangle's corners, 0..1 along both sides of the picture, origin top left, v downwards.
     pub uv: Vec<[Vec2; 3]>,
     /// Columns and rows of the picture.
-    pub side: u32,
+    pub size: [u32; 2],
     /// Pieces.
     pub charts: usize,
     /// Texels around every piece that are its own.
     pub padding: u32,
 }
 
-/// Cuts a mesh into few charts that see the surface at little stretch, and packs them into a square.
+/// Cuts a mesh into few charts that see the surface at little stretch, and packs them into a picture.
 ///
 /// # Errors
 /// An option is out of its range, or there are too many charts for the picture.
@@ -49,18 +52,18 @@ pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
 }
 
 fn check(options: &UnwrapOptions) -> Result<()> {
-    let UnwrapOptions { side, padding } = *options;
+    let UnwrapOptions { side, padding, .. } = *options;
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check()
 }
 
 fn unwrap_with(mesh: &Mesh, options: &UnwrapOptions, progress: &dyn Progress) -> Result<Unwrapped> {
     check(options)?;
-    let UnwrapOptions { side, padding } = *options;
+    let UnwrapOptions { side, padding, is_square } = *options;
     let texels_per_unit = (f64::from(side).powi(2) / mesh.area()).sqrt() as f32;
     let request =
         AtlasRequest { texels_per_unit, texels: None, side: Some(side), largest_side: side, padding };
-    let layout = atlas(mesh, &request, progress)?;
-    Ok(Unwrapped { uv: layout.uv, side, charts: layout.charts, padding: layout.padding })
+    let (uv, charts, packed) = coordinates(mesh, &request, is_square, progress)?;
+    Ok(Unwrapped { uv, size: packed.size(), charts, padding: packed.block })
 }
 
 /// A mesh whose vertices are split where texture coordinates differ: one coordinate for each.
@@ -96,7 +99,7 @@ impl SplitMesh {
 
 /// Unwraps triangles as they come: repeated, without area, with positions that are no numbers. Each gets coordinates: one that repeats
 /// another has the other's, one without area lies in a point. Where there are more pieces than the square holds, it grows up to
-/// [`MAX_SIDE`] texels. `side` is that of the square in the end. `clean` says which vertices are joined.
+/// [`MAX_SIDE`] texels a side. `size` is that in the end. `clean` says which vertices are joined.
 ///
 /// # Errors
 /// An index or an option is out of its range, there are more pieces than the largest square holds, or `progress` asked to stop.
@@ -126,7 +129,7 @@ pub fn unwrap_triangles(
         Ok(cleaned) => cleaned,
         // Nothing has an area.
         Err(error) if error.kind() == ErrorKind::Malformed => {
-            let unwrapped = Unwrapped { side: options.side, ..Unwrapped::default() };
+            let unwrapped = Unwrapped { size: [options.side; 2], ..Unwrapped::default() };
             return Ok((SplitMesh::new(triangles, &corners), unwrapped));
         }
         Err(error) => return Err(refused(error)),

@@ -1,4 +1,5 @@
-"""Unwraps models with fantex, xatlas and uvunwrap, and prints the table of docs/benchmarks.md.
+"""Unwraps models with fantex, xatlas and uvunwrap into pictures of any shape, and with fantex into squares, too, and prints the table of
+docs/benchmarks.md.
 
     pip install . xatlas uvunwrap
     FANTEX_DATA=... python benchmarks/unwrap.py [--limit SECONDS] [--models WORD]
@@ -19,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-TOOLS = ("fantex", "xatlas", "uvunwrap")
+TOOLS = ("fantex", "square", "xatlas", "uvunwrap")
 
 
 def grid(rows, columns, place):
@@ -118,11 +119,12 @@ def load(name):
 
 def unwrap(tool, positions, faces):
     """vmapping, faces and coordinates in texels, and the size of the picture."""
-    if tool == "fantex":
+    if tool in ("fantex", "square"):
         import fantex
 
-        vertices, corners, uv = fantex.parametrize(positions, faces, resolution=1024, padding=2)
-        return vertices, corners, uv, (1.0, 1.0)
+        result = fantex.parametrize(positions, faces, resolution=1024, padding=2, square=tool == "square")
+        vertices, corners, uv = result
+        return vertices, corners, uv * result.size, result.size
     if tool == "xatlas":
         import xatlas
 

@@ -249,31 +249,33 @@ pub(crate) fn world_positions<'py>(
 }
 
 type Unwrapping<'py> =
-    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>, usize, u32);
+    (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<f32>>, usize, (u32, u32));
 
-/// Unwraps triangles: vertex mapping, faces, texture coordinates with v upwards, number of charts, side of the square.
+/// Unwraps triangles: vertex mapping, faces, texture coordinates with v upwards, number of charts, columns and rows of the picture.
 #[pyfunction]
-#[pyo3(signature = (positions, faces, side, padding, weld, progress))]
+#[pyo3(signature = (positions, faces, side, padding, square, weld, progress))]
+#[expect(clippy::too_many_arguments, reason = "the Python side has names and defaults for them")]
 pub(crate) fn parametrize<'py>(
     py: Python<'py>,
     positions: PyReadonlyArray2<'py, f64>,
     faces: PyReadonlyArray2<'py, i64>,
     side: u32,
     padding: Option<u32>,
+    square: bool,
     weld: Option<f64>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Unwrapping<'py>> {
     let positions: Vec<DVec3> =
         rows::<3, f64>(&positions, "positions")?.into_iter().map(DVec3::from).collect();
     let faces = triangles(&faces, positions.len())?;
-    let options = UnwrapOptions { side, padding };
+    let options = UnwrapOptions { side, padding, is_square: square };
     let clean = CleanOptions::welding(weld);
     let (mesh, unwrapped) = watched(py, heard(&progress, "unwrapping"), |watch| {
         unwrap_triangles(&positions, &faces, &clean, &options, watch)
     })?;
     let uv: Vec<[f32; 2]> = mesh.uv.iter().map(upwards).collect();
     let (vertices, faces) = (mesh.vertices.to_pyarray(py), array(py, &mesh.triangles)?);
-    Ok((vertices, faces, array(py, &uv)?, unwrapped.charts, unwrapped.side))
+    Ok((vertices, faces, array(py, &uv)?, unwrapped.charts, unwrapped.size.into()))
 }
 
 /// Texture coordinates with v upwards, as OBJ files, Blender and trimesh have them.

@@ -15,12 +15,12 @@ def check(positions, faces, result):
     assert uvs.min(initial=0) >= 0 and uvs.max(initial=0) <= 1
 
 
-def coverage(faces, uvs, side=1024):
+def coverage(faces, uvs, size=(1024, 1024)):
     """How often each texel's centre lies in a triangle."""
-    count = np.zeros((side, side), np.int32)
-    for a, b, c in (uvs[faces] * side).astype(np.float64):
+    count = np.zeros(size[::-1], np.int32)
+    for a, b, c in (uvs[faces] * np.array(size)).astype(np.float64):
         low = np.maximum(np.floor(np.minimum(np.minimum(a, b), c)).astype(int), 0)
-        high = np.minimum(np.ceil(np.maximum(np.maximum(a, b), c)).astype(int), side)
+        high = np.minimum(np.ceil(np.maximum(np.maximum(a, b), c)).astype(int), size)
         x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
 
         def left(p, q):
@@ -46,6 +46,19 @@ def test_sphere(sphere):
     assert (signed > -1e-9).all()
 
 
+def test_a_cube_fills_a_picture_of_its_own_shape():
+    positions = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    for square, least in ((True, 0.64), (False, 0.97)):
+        result = fantex.parametrize(positions, faces, resolution=512, square=square)
+        check(positions, faces, result)
+        assert result.side == max(result.size) and result.size[0] * result.size[1] <= 512**2
+        assert (result.size[0] == result.size[1]) == square
+        texels = coverage(result[1], result[2], result.size)
+        assert texels.max() == 1 and texels.mean() > least, texels.mean()
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_dirty_soups(seed):
     random = np.random.default_rng(seed)
@@ -58,7 +71,7 @@ def test_dirty_soups(seed):
     faces = np.concatenate([faces, faces[:20], faces[20:40, [1, 2, 0]], faces[40:60, ::-1]])
     result = fantex.parametrize(positions, faces)
     check(positions, faces, result)
-    texels = coverage(result[1], result[2], 512)
+    texels = coverage(result[1], result[2], (512, 512))
     # Only repeated faces lie on each other.
     assert (texels > 3).sum() == 0
 

@@ -7,3 +7,4 @@ mod models;
 mod pictures;
 mod sources;
 mod support;
+mod unwrapping;

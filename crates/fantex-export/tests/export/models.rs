@@ -412,7 +412,8 @@ fn a_picture_that_must_be_whole_in_memory_says_so() {
 #[test]
 fn every_corner_lies_in_the_picture_and_no_triangle_is_flat() {
     let mesh = cleaned(torus(32, 16));
-    let unwrapped = unwrap_mesh(&mesh, &UnwrapOptions { side: 256, padding: Some(2) }).unwrap();
+    let unwrapped =
+        unwrap_mesh(&mesh, &UnwrapOptions { side: 256, padding: Some(2), is_square: true }).unwrap();
     assert_eq!(unwrapped.uv.len(), mesh.triangles.len());
     assert!(unwrapped.charts > 1 && unwrapped.charts < 40, "{} charts", unwrapped.charts);
     for corners in &unwrapped.uv {
@@ -427,7 +428,7 @@ fn a_loose_triangle_that_repeats_another_has_its_coordinates() {
     let positions: Vec<DVec3> = [once, once, once.map(|p| p + DVec3::Z)].concat();
     // The second lies where the first does, with its corners in another order.
     let triangles = [[0, 1, 2], [4, 5, 3], [6, 7, 8]];
-    let options = UnwrapOptions { side: 64, padding: None };
+    let options = UnwrapOptions { side: 64, ..UnwrapOptions::default() };
     let (mesh, unwrapped) =
         unwrap_triangles(&positions, &triangles, &CleanOptions::default(), &options, &NoProgress).unwrap();
     let uv = |t: usize, k: usize| mesh.uv[mesh.triangles[t][k] as usize];
@@ -443,11 +444,11 @@ fn without_any_area_options_count_all_the_same() {
             &[DVec3::ZERO; 3],
             &[[0, 1, 2]],
             &CleanOptions::default(),
-            &UnwrapOptions { side, padding: None },
+            &UnwrapOptions { side, ..UnwrapOptions::default() },
             &NoProgress,
         )
     };
-    assert_eq!(unwrap(64).unwrap().1.side, 64);
+    assert_eq!(unwrap(64).unwrap().1.size, [64; 2]);
     assert!(unwrap(1000).unwrap_err().to_string().contains("1000 x 1000"));
 }
 
@@ -473,10 +474,10 @@ fn triangles_are_unwrapped_as_they_come() {
     ]);
     let mut positions = model.positions.clone();
     positions.push(DVec3::NAN);
-    let options = UnwrapOptions { side: 16, padding: None };
+    let options = UnwrapOptions { side: 16, ..UnwrapOptions::default() };
     let (mesh, unwrapped) =
         unwrap_triangles(&positions, &triangles, &CleanOptions::default(), &options, &NoProgress).unwrap();
-    assert!(unwrapped.side >= 16 && unwrapped.charts > 1);
+    assert!(unwrapped.size[0] >= 16 && unwrapped.charts > 1);
     assert_eq!(mesh.triangles.len(), triangles.len());
     let corner = |t: usize, k: usize| {
         let vertex = mesh.triangles[t][k] as usize;

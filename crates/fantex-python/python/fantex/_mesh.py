@@ -289,9 +289,11 @@ def _srgb_floats(colors: np.ndarray) -> np.ndarray:
 
 
 class Unwrapping(tuple):
-    """``(vmapping, faces, uvs)``, and ``charts``, the number of pieces."""
+    """``(vmapping, faces, uvs)``; ``charts``, the number of pieces; ``size``, columns and rows of the picture in texels, and ``side``, the
+    larger of these."""
 
     charts: int
+    size: Tuple[int, int]
     side: int
 
 
@@ -303,6 +305,7 @@ def parametrize(
     *,
     resolution: int = 2048,
     padding: Optional[int] = 2,
+    square: bool = True,
     weld: Optional[float] = None,
     progress: Optional[Progress] = None,
 ) -> Unwrapping:
@@ -315,6 +318,8 @@ def parametrize(
         resolution: side of the square picture in texels, a power of two; larger where the pieces need it.
         padding: texels around each piece that are its own, a power of two; None for a 128th of the side, so that pictures may have
             coarser levels.
+        square: False for a picture of any shape, with about as many texels as the square at most: few pieces fill it better. ``uvs`` are
+            shares of its columns and of its rows, as xatlas' are; ``size`` says how many these are.
         weld: the surface goes on between vertices that lie up to this far apart; by default only at the same place.
         progress: called with ``(done, total)`` texels of the surface, from 0 again where the square grows; what it raises ends the work.
 
@@ -327,7 +332,9 @@ def parametrize(
     faces = _array(faces, np.int64, "faces", 3)
     resolution, padding = whole(resolution, "resolution"), None if padding is None else whole(padding, "padding")
     weld = length(weld, "weld")
-    vmapping, faces, uvs, charts, side = _native.parametrize(positions, faces, resolution, padding, weld, progress)
+    vmapping, faces, uvs, charts, size = _native.parametrize(
+        positions, faces, resolution, padding, bool(square), weld, progress
+    )
     result = Unwrapping((vmapping, faces, uvs))
-    result.charts, result.side = charts, side
+    result.charts, result.size, result.side = charts, size, max(size)
     return result

@@ -133,9 +133,10 @@ def parametrize(
     faces: Faces,
     side: int,
     padding: Optional[int],
+    square: bool,
     weld: Optional[float],
     progress: Progress,
-) -> Tuple[Indices, Indices, Floats, int, int]: ...
+) -> Tuple[Indices, Indices, Floats, int, Tuple[int, int]]: ...
 def paint(
     asset: str, strokes: Optional[Tuple[str, str]], log: Optional[Asset], options: Dict[str, Any]
 ) -> Tuple[int, int, int, int]: ...
