@@ -41,6 +41,9 @@ const PICTURE_SECONDS: f64 = 120.0;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Session {
+    /// Whether nobody looks at the window: frames that no picture is taken of are drawn in its middle rows only.
+    #[serde(default)]
+    pub is_unwatched: bool,
     pub steps: Vec<Step>,
 }
 

@@ -347,10 +347,19 @@ fn split_land(folder: &Path) -> (Asset, Sectors) {
     (whole, split)
 }
 
+/// One world for all, as it takes longer to make than to look at.
 #[test]
-fn a_world_with_coarse_assets_is_verified() {
+fn a_world_with_coarse_assets_is_framed_rendered_and_verified() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, split) = split_land(folder.path());
+    assert_framed_as_the_whole(&whole, &split);
+    assert_rendered_without_gaps(&whole, &split);
+    assert_verified(&whole, &split);
+    assert_framing_needs_assets(&split);
+}
+
+/// Faults that are made are found. A coarse asset is gone then.
+fn assert_verified(whole: &Asset, split: &Sectors) {
     let verify = || verify_world(&split.index, &VerifyOptions::default(), &NoProgress).unwrap();
     let report = verify();
     let faults: Vec<&String> = report.coarse.iter().flat_map(|coarse| &coarse.faults).collect();
@@ -361,7 +370,7 @@ fn a_world_with_coarse_assets_is_verified() {
     let sector = sector_of_triangles(whole.mesh(), &split.sectors);
     let outer: BTreeSet<Place> = border(whole.mesh()).into_iter().flatten().collect();
     for coarse in &split.world.coarse {
-        let own = border(open_coarse(&split, coarse).mesh());
+        let own = border(open_coarse(split, coarse).mesh());
         let outline = outline_of(whole.mesh(), &sector, &objects_of(&split.world, coarse));
         let inner = outline.iter().filter(|ends| !ends.iter().any(|end| outer.contains(end)));
         assert_eq!(inner.filter(|ends| !own.contains(*ends)).count(), 0, "{}", coarse.asset);
@@ -409,10 +418,7 @@ fn holes(shown: &Image, expected: &Image, margin: usize) -> usize {
     pixels.filter(|&(x, y)| shown[y * columns + x] && is_inside(x, y)).count()
 }
 
-#[test]
-fn a_world_is_framed_as_the_whole() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, split) = split_land(folder.path());
+fn assert_framed_as_the_whole(whole: &Asset, split: &Sectors) {
     for direction in [Camera::THREE_QUARTER, DVec3::Y, DVec3::new(-1.0, 1.0, 0.2)] {
         let expected = Camera::framing_mesh_with(whole.mesh(), direction, 1.5, DVec3::Y, 50.0);
         let framed = frame_world(&split.index, &split.world, direction, 1.5, 50.0).unwrap();
@@ -422,16 +428,18 @@ fn a_world_is_framed_as_the_whole() {
         }
         assert_eq!((framed.up, framed.fov_degrees), (expected.up, expected.fov_degrees));
     }
+}
+
+/// No asset is left then.
+fn assert_framing_needs_assets(split: &Sectors) {
     let places = split.world.objects.iter().map(|object| World::asset_place(&split.index, object));
     places.for_each(|place| std::fs::remove_file(place).unwrap());
     let error = frame_world(&split.index, &split.world, DVec3::Z, 1.5, 50.0).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::NotFound);
 }
 
-#[test]
-fn with_little_memory_coarse_assets_are_rendered_without_gaps() {
-    let folder = tempfile::tempdir().unwrap();
-    let (whole, split) = split_land(folder.path());
+/// Of coarse assets, where there is little memory.
+fn assert_rendered_without_gaps(whole: &Asset, split: &Sectors) {
     let [low, high] = split.world.bounds().unwrap();
     let (middle, size) = (0.5 * (low + high), (high - low).length());
     let from = |direction: DVec3| Camera {

@@ -122,6 +122,8 @@ pub struct Painting {
     leaving: Leaving,
     /// The worker has ended before its time.
     is_gone: bool,
+    /// Orders that were done when reports were last taken.
+    told: u64,
     /// To be painted on as soon as there is such a thing.
     pub(super) wanted_target: Option<Target>,
     /// What layers, masks and the base hold.
@@ -170,6 +172,7 @@ impl Painting {
             seen_alone: None,
             leaving: Leaving::default(),
             is_gone: false,
+            told: 0,
             wanted_target: None,
             thumbnails: BTreeMap::new(),
         })
@@ -210,6 +213,11 @@ impl Painting {
     /// Whether what was asked for is not all done yet.
     pub fn is_busy(&self) -> bool {
         self.thread.is_busy()
+    }
+
+    /// Whether all that was asked for is done, and known here with all that came of it: layers, steps, what is not in the file.
+    pub fn is_told(&self) -> bool {
+        self.told == self.thread.sent()
     }
 
     /// Whether all that was asked for is done and in the file. What has just been done may be told with the next reports only.
@@ -387,6 +395,8 @@ impl Painting {
 
     pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
         let is_gone = self.thread.is_gone();
+        // What is done later than that may be told with the next reports only.
+        self.told = self.thread.done();
         self.take_reports(settings, notices);
         if is_gone && !std::mem::replace(&mut self.is_gone, true) {
             let reason = "The program has failed while it painted: nothing more is painted or saved. Open the asset again; it \

@@ -122,7 +122,17 @@ impl PaintThread {
 
     /// Whether orders have not been carried out yet.
     pub fn is_busy(&self) -> bool {
-        self.done.load(Acquire) < self.sent.load(Relaxed)
+        self.done() < self.sent()
+    }
+
+    /// Orders that were given since the start.
+    pub(super) fn sent(&self) -> u64 {
+        self.sent.load(Relaxed)
+    }
+
+    /// Those that have been carried out; what came of them is among the reports.
+    pub(super) fn done(&self) -> u64 {
+        self.done.load(Acquire)
     }
 
     /// Whether orders that have been carried out are not in the file yet, which may not have been reported. Asked after
@@ -192,7 +202,7 @@ impl Worker {
         self.thumbnails.follow(self.painter.layers(), true);
         self.tell_state();
         if !self.is_working() {
-            self.done.fetch_add(1, Relaxed);
+            self.done.fetch_add(1, Release);
         } else {
             // Left by an earlier painter.
             self.owed = 1;

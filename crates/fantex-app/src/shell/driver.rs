@@ -10,7 +10,7 @@ use fantex::scene::Camera;
 use crate::command::{Command, parse_keys};
 use crate::export::ExportSettings;
 use crate::light::Surroundings;
-use crate::paint::{PaintCommand, Painting, SaveState, StickerKind, parse_hex};
+use crate::paint::{PaintCommand, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, SessionRunner, Situation, Step};
 use crate::viewer::{PathState, PictureSize, Request, Viewer};
 
@@ -63,7 +63,7 @@ impl Driver {
             is_sharp,
             is_playing: matches!(viewer.path_state, PathState::Playing { .. }),
             is_acting: self.input.is_busy(),
-            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.input.is_busy(),
+            is_painting: viewer.painting.as_ref().is_some_and(|p| !p.is_told()) || self.input.is_busy(),
             is_working: viewer
                 .painting
                 .as_ref()

@@ -30,6 +30,7 @@ use crate::viewer::{PictureSize, Request};
 use crate::{panels, theme};
 
 mod driver;
+mod strip;
 mod workspace;
 
 /// Width and height in points that the window does not fall below.
@@ -186,6 +187,9 @@ impl<'a> Shell<'a> {
         }
         if let Some(place) = workspace.to_open.take() {
             viewer.open_or_fail(place);
+        }
+        if workspace.is_unwatched {
+            context.egui_ctx.add_plugin(strip::Strip::default());
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -405,6 +409,8 @@ impl<'a> Shell<'a> {
         for (path, result) in self.workspace.pictures.poll() {
             self.workspace.viewer.forget_picture(&path);
             match result {
+                // A session knows. Messages would lie over its next picture of the window, and under its pointer.
+                Ok(()) if self.workspace.driver.is_some() => {}
                 Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display())),
                 Err(error) if self.workspace.driver.is_some() => self.fail(ctx, error.to_string()),
                 Err(error) => self.workspace.viewer.notices.error(error.to_string()),
@@ -473,6 +479,9 @@ impl eframe::App for Shell<'_> {
         if !self.check_device(&ctx) {
             return;
         }
+        ctx.with_plugin(|strip: &mut strip::Strip| {
+            strip.is_lifted = self.workspace.pictures.is_window_due();
+        });
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.workspace.viewer.keys(&ctx);
         self.dropped_files(&ctx);

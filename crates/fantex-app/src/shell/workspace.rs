@@ -45,6 +45,8 @@ pub(super) struct Workspace {
     pub(super) dialogs: Dialogs,
     pub(super) pictures: PictureFiles,
     pub(super) driver: Option<Driver>,
+    /// Whether nobody looks at the window while the session runs.
+    pub(super) is_unwatched: bool,
     /// Why the program ends, where it has failed.
     pub(super) failure: Option<String>,
     /// The program ends, whatever the user is still to be told.
@@ -133,6 +135,7 @@ impl Workspace {
             viewer,
             dialogs: Dialogs::new(wake.clone()),
             pictures: PictureFiles::new(wake),
+            is_unwatched: start.session.as_ref().is_some_and(|session| session.is_unwatched),
             driver: start.session.map(|session| Driver::new(SessionRunner::new(session))),
             failure: None,
             is_ending: false,
@@ -361,6 +364,11 @@ impl PictureFiles {
         let written = jobs.map(|(path, job)| job.wait().unwrap_or_else(|| Err(lost_picture(&path))));
         let done = self.done.drain(..).map(|(_, written)| written);
         done.chain(written).filter_map(Result::err).collect()
+    }
+
+    /// Whether a picture of the window is to be taken with the next frame.
+    pub(super) fn is_window_due(&self) -> bool {
+        self.windows_due > 0
     }
 
     /// Pictures that are not in their files yet.

@@ -157,6 +157,19 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     assert_eq!(studio.painting.snapshot.undone, ["paint"]);
 }
 
+/// Sessions look at layers and steps once their painter has nothing to do.
+#[test]
+fn what_is_done_is_told_with_the_next_reports() {
+    let mut studio = Studio::unseen();
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
+    while studio.painting.is_busy() {
+        std::thread::yield_now();
+    }
+    assert!(!studio.painting.is_told() && studio.painting.snapshot.layers.is_empty());
+    studio.painting.poll(&mut studio.settings, &mut studio.notices);
+    assert!(studio.painting.is_told() && studio.painting.snapshot.layers.len() == 1);
+}
+
 #[test]
 fn everything_is_saved_and_verified_and_comes_back() {
     let mut studio = Studio::open();

@@ -78,7 +78,7 @@ impl Display {
     /// What [`run`](Self::run) runs.
     pub(crate) fn command(&self, folder: &Path, arguments: &[&str], steps: &str) -> Command {
         let session = folder.join("session.json");
-        std::fs::write(&session, format!("{{\"steps\":[{steps}]}}")).unwrap();
+        std::fs::write(&session, format!("{{\"is_unwatched\":true,\"steps\":[{steps}]}}")).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_fantex-app"));
         if !arguments.contains(&"--settings") {
             let settings = folder.join("quick.json");

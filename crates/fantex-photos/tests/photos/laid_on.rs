@@ -18,7 +18,7 @@ use crate::common::{
 /// Mesh units: the model is two long.
 const TEXEL: f32 = 0.004;
 
-/// The model and photographs of it, taken once: every second one through a lens, all exposed differently, none from straight below.
+/// The model and photographs of it: every second one through a lens, all exposed differently, none from straight below.
 struct Shoot {
     mesh: Mesh,
     photographs: Vec<Photograph>,
@@ -26,13 +26,10 @@ struct Shoot {
     _folder: TempDir,
 }
 
-fn shoot() -> &'static Shoot {
-    static SHOOT: OnceLock<Shoot> = OnceLock::new();
-    SHOOT.get_or_init(|| {
-        let shoot = shoot_of(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()));
-        take(&shoot.mesh, &own_look(&shoot.mesh), &shoot.photographs, |i| shoot.exposures[i]);
-        shoot
-    })
+fn shoot() -> Shoot {
+    let shoot = shoot_of(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()));
+    take(&shoot.mesh, &own_look(&shoot.mesh), &shoot.photographs, |i| shoot.exposures[i]);
+    shoot
 }
 
 /// The same cameras. Their pictures show waves, for tests to which it does not matter what is seen.
@@ -72,8 +69,8 @@ fn options() -> PhotoOptions {
 }
 
 #[test]
-fn photographs_of_a_model_look_like_the_model() {
-    let Shoot { mesh, photographs, exposures, .. } = shoot();
+fn photographs_of_a_model_look_like_the_model_at_half_their_size_too() {
+    let Shoot { mesh, photographs, exposures, .. } = &shoot();
     let truth = own_look(mesh);
     let source = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
     let report = source.report();
@@ -93,6 +90,19 @@ fn photographs_of_a_model_look_like_the_model() {
     let raw = PhotoSource::new(mesh, photographs, &raw, &NoProgress).unwrap();
     assert!(raw.report().gains.iter().all(|&gain| gain == Vec3::ONE));
     assert!(difference(mesh, [&truth, &raw], TEXEL, sure).p95 > 0.05);
+    // Those that were made smaller after their calibration fit their cameras all the same.
+    let folder = tempfile::tempdir().unwrap();
+    let mut smaller = photographs.clone();
+    for photograph in &mut smaller {
+        let image = Image::load(&photograph.path).unwrap();
+        photograph.path = folder.path().join(&photograph.name);
+        image.resized(180, 240, fantex_texture::AlphaUse::Independent).save(&photograph.path).unwrap();
+    }
+    let small = PhotoSource::new(mesh, &smaller, &options(), &NoProgress).unwrap();
+    let sure = |p: &fantex_bake::TexelPoint| source.confidence(p.at.index(), p.at.lambda) > 0.5;
+    let apart = difference(mesh, [&source, &small], 0.012, sure);
+    assert!(apart.p95 < 0.03, "{} {}", apart.rms, apart.p95);
+    assert!(small.density().iter().zip(source.density()).all(|(s, l)| (s * 2.0 - l).abs() < 0.02 * l));
 }
 
 /// A source times a factor.
@@ -332,25 +342,6 @@ fn what_cannot_be_used_is_said() {
     let nowhere = PhotoOptions { memory_bytes: 0, scratch: folder.path().join("missing"), ..options() };
     let message = PhotoSource::new(mesh, photographs, &nowhere, &NoProgress).unwrap_err().to_string();
     assert!(message.contains("cannot keep photographs in"), "{message}");
-}
-
-/// Photographs that were made smaller after their calibration fit their cameras all the same.
-#[test]
-fn smaller_photographs_fit_their_cameras() {
-    let Shoot { mesh, photographs, .. } = shoot();
-    let folder = tempfile::tempdir().unwrap();
-    let mut smaller = photographs.clone();
-    for photograph in &mut smaller {
-        let image = fantex_texture::Image::load(&photograph.path).unwrap();
-        photograph.path = folder.path().join(&photograph.name);
-        image.resized(180, 240, fantex_texture::AlphaUse::Independent).save(&photograph.path).unwrap();
-    }
-    let [large, small] = [photographs, &smaller]
-        .map(|photographs| PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap());
-    let sure = |p: &fantex_bake::TexelPoint| large.confidence(p.at.index(), p.at.lambda) > 0.5;
-    let apart = difference(mesh, [&large, &small], 0.012, sure);
-    assert!(apart.p95 < 0.03, "{} {}", apart.rms, apart.p95);
-    assert!(small.density().iter().zip(large.density()).all(|(s, l)| (s * 2.0 - l).abs() < 0.02 * l));
 }
 
 /// Glass in front of a wall lets it through by its opacity, a cut-out wholly where its alpha is below the threshold.
