@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::base::files::{folder_of, persist, temporary_file};
+use fantex::base::files::{folder_of, followed, persist, temporary_file};
 use fantex::base::{Error, Result};
 use fantex::mesh::{LoadOptions, load};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeLog};
@@ -160,16 +160,18 @@ fn replay_onto(
     painter.commit()?;
     drop(painter);
     progress.enter(Stage::Baking)?;
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan", &[]);
-    // With two names there is an asset at `path` at any time; some file systems know one name only.
-    std::fs::hard_link(path, &old)
-        .or_else(|_| std::fs::rename(path, &old))
+    // The file gets another name, not a link to it.
+    let place = followed(path);
+    let stem = place.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let old = next_free(folder_of(&place), &format!("{stem}-old"), "fan", &[]);
+    // With two names there is an asset at any time; some file systems know one name only.
+    std::fs::hard_link(&place, &old)
+        .or_else(|_| std::fs::rename(&place, &old))
         .map_err(|source| Error::writing(&old, source))?;
-    if let Err(error) = persist(made, path, true) {
-        if !path.exists() {
+    if let Err(error) = persist(made, &place, true) {
+        if !place.exists() {
             // As it was; where even that fails the old one is beside it under its other name.
-            std::fs::rename(&old, path).unwrap_or_default();
+            std::fs::rename(&old, &place).unwrap_or_default();
         }
         return Err(error);
     }
