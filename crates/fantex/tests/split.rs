@@ -204,6 +204,38 @@ fn sectors_may_meet_at_hard_edges() {
     }
 }
 
+fn preview_angles(split: &Sectors) -> Vec<Option<f32>> {
+    split.sectors.iter().map(|sector| preview_of(sector).cover().hard_edges).collect()
+}
+
+fn coarse_angles(split: &Sectors, folder: &Path) -> Vec<Option<f32>> {
+    let open = |name: &String| Asset::open(&folder.join(name)).unwrap();
+    split.world.coarse.iter().map(|coarse| open(&coarse.asset).cover().hard_edges).collect()
+}
+
+/// What is seen from afar is cut as what is seen from nearby.
+#[test]
+fn previews_and_coarse_assets_have_the_hard_edges_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.fan");
+    let model = fantex::Mesh::from_model(cube(16), "whole.ply").unwrap();
+    let baker = || Baker::new(&model).texels(20_000).source(Source::solid("marble")).overwrite(true);
+    for (name, baker) in [("whole", baker()), ("cut", baker().hard_edges(60.0))] {
+        baker.longest_edge(fantex::LongestEdge::Texels(0)).write(&path).unwrap();
+        let whole = Asset::open(&path).unwrap();
+        let options = SplitOptions { triangles: 150, ..SplitOptions::default() };
+        let folder = folder.path().join(name);
+        let split = split_into(&whole, &folder, &options);
+        let angles = [preview_angles(&split), coarse_angles(&split, &folder)];
+        for angles in angles {
+            assert!(
+                !angles.is_empty() && angles.iter().all(|&a| a == whole.cover().hard_edges),
+                "{angles:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn previews_of_a_closed_surface_have_the_borders_of_their_sectors() {
     let folder = tempfile::tempdir().unwrap();
