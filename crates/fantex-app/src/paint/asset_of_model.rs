@@ -41,8 +41,8 @@ pub enum Question {
 pub enum Answer {
     /// Make an asset, where there is none.
     New(NewAsset),
-    /// Make a new one, which has the channels of the one that is there, too, and paint on it what was painted on that, which is kept
-    /// under another name.
+    /// Make a new one, which has the channels and the hard edges of the one that is there, too, and paint on it what was painted on that, which
+    /// is kept under another name.
     Replay(NewAsset),
     /// Paint on the one that is there, whatever it was made of.
     Keep,
@@ -148,7 +148,7 @@ fn replay_onto(
     // Nobody else is to paint on the old one meanwhile.
     let lock = WriterLock::acquire(path)?;
     let before = Asset::open(path)?;
-    let (log, new) = (StrokeLog::of(&before)?, new.clone().with_channels_of(&before));
+    let (log, new) = (StrokeLog::of(&before)?, new.clone().like(&before));
     drop(before);
     // In the same folder, from which the looks of its log are found.
     let made = temporary_file(path, ".fan").map_err(|source| Error::writing(path, source))?.into_temp_path();
