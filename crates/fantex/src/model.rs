@@ -168,6 +168,14 @@ impl Mesh {
         self.clean_time
     }
 
+    /// The same with materials that all take alpha so: see [`set_alpha_mode`](fantex_mesh::Mesh::set_alpha_mode).
+    #[must_use]
+    pub fn with_alpha_mode(&self, alpha: fantex_mesh::AlphaMode) -> Self {
+        let mut mesh = self.clone();
+        mesh.mesh.set_alpha_mode(alpha);
+        mesh
+    }
+
     /// The geometry alone.
     pub fn into_inner(self) -> fantex_mesh::Mesh {
         self.mesh
