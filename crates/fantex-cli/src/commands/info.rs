@@ -364,7 +364,7 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
     let groups = cover.groups.len() as u64;
     let channel = |c: &fantex::store::Channel| ChannelInfo {
         kind: format!("{:?}", c.kind),
-        format: format!("{:?}", c.format),
+        format: c.format.to_string(),
         srgb: c.srgb,
     };
     Ok(AssetInfo {
