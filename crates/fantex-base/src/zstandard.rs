@@ -168,6 +168,11 @@ mod tests {
             let exact = native::unpack_exactly(&packed, count as u64, 23);
             assert_eq!(exact.as_deref(), Some(&one[..count]));
             assert_eq!(portable::unpack_exactly(&packed, count as u64, 23), exact);
+            for unpacking in [native::unpacking, portable::unpacking] {
+                let mut streamed = Vec::new();
+                unpacking(&packed, count as u64, 23).unwrap().read_to_end(&mut streamed).unwrap();
+                assert_eq!(Some(streamed), exact);
+            }
             if count > 0 {
                 assert_eq!(portable.unpack(&packed, &mut other[..count - 1]), None);
             }

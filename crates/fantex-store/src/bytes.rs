@@ -315,7 +315,7 @@ mod tests {
         writer.words(items.iter().copied());
         let bytes = &writer.bytes;
         let read = |mut reader: ByteReader<'_>| -> Result<Vec<[u32; 3]>> {
-            assert_eq!(reader.take(4, "seven")?, 7u32.to_le_bytes());
+            assert_eq!(&*reader.take(4, "seven")?, &7u32.to_le_bytes());
             let items = reader.words::<3>(20_000, "items")?;
             reader.end().map(|()| items)
         };
