@@ -4,9 +4,10 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use fantex_bake::{NoProgress, Progress};
 use fantex_base::{Error, Result};
 use fantex_mesh::{
-    CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
+    CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_watched, load_watched, simplified,
 };
 
 use crate::baker::materials::{says_something, without_tiles};
@@ -26,6 +27,9 @@ pub struct Mesh {
     clean_time: Duration,
 }
 
+/// Reading smaller files takes no time worth telling.
+const LONG_BYTES: u64 = 4 << 20;
+
 impl Mesh {
     /// Reads a model (`.glb .gltf .obj .ply .stl`) and cleans it.
     ///
@@ -40,11 +44,25 @@ impl Mesh {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn load_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::load_watched(path, options, &NoProgress)
+    }
+
+    /// As [`load_with`](Self::load_with). `progress` hears of files that take a while, first bytes of their length, then of "cleaning".
+    ///
+    /// # Errors
+    /// As [`load`](Self::load). It cannot be ended.
+    pub fn load_watched(
+        path: impl AsRef<Path>,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let path = path.as_ref();
+        let is_long = path.metadata().is_ok_and(|found| found.len() >= LONG_BYTES);
+        let progress = if is_long { progress } else { &NoProgress };
         let started = Instant::now();
-        let model = load(path, &LoadOptions::default())?;
+        let model = load_watched(path, &LoadOptions::default(), &|done, total| progress.report(done, total))?;
         let load_time = started.elapsed();
-        let mesh = Self::from_model_with(model, path, options)?;
+        let mesh = Self::cleaned(model, path, options, progress)?;
         Ok(Self { load_time, ..mesh })
     }
 
@@ -60,16 +78,26 @@ impl Mesh {
     ///
     /// # Errors
     /// As [`from_model`](Self::from_model).
-    pub fn from_model_with(mut model: Model, path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+    pub fn from_model_with(model: Model, path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::cleaned(model, path.as_ref(), options, &NoProgress)
+    }
+
+    fn cleaned(
+        mut model: Model,
+        path: &Path,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let started = Instant::now();
         // Errors name the file as it was given.
-        model.name = path.as_ref().display().to_string();
+        model.name = path.display().to_string();
         let mut notes = model.notes.clone();
-        let (mesh, report, origins) = clean_traced(model, options)?;
+        let (mesh, report, origins) =
+            clean_watched(model, options, &|share| progress.prepare("cleaning", share))?;
         notes.extend(report.lines());
         Ok(Self {
             mesh,
-            path: path.as_ref().into(),
+            path: path.into(),
             report,
             origins,
             notes,
@@ -100,6 +128,18 @@ impl Mesh {
     /// # Errors
     /// As [`open`](Self::open); an asset, whose mesh was cleaned before it was baked, is not cleaned again.
     pub fn open_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::open_watched(path, options, &NoProgress)
+    }
+
+    /// As [`open_with`](Self::open_with); of models `progress` hears as of [`load_watched`](Self::load_watched).
+    ///
+    /// # Errors
+    /// As [`open_with`](Self::open_with).
+    pub fn open_watched(
+        path: impl AsRef<Path>,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let path = path.as_ref();
         match FileKind::of(path)? {
             FileKind::Asset if *options != CleanOptions::default() => Err(Error::invalid(format!(
@@ -108,7 +148,7 @@ impl Mesh {
             ))),
             FileKind::Asset => Ok(Self::of_asset(&Asset::open(path)?)),
             FileKind::World => Err(FileKind::world_instead(path)),
-            FileKind::Model | FileKind::Look => Self::load_with(path, options),
+            FileKind::Model | FileKind::Look => Self::load_watched(path, options, progress),
         }
     }
 
