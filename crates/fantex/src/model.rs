@@ -25,6 +25,8 @@ pub struct Mesh {
     notes: Vec<String>,
     load_time: Duration,
     clean_time: Duration,
+    /// Of the asset that it is the mesh of: see [`Baker::hard_edges`](crate::Baker::hard_edges).
+    hard_edges: Option<f32>,
 }
 
 /// Reading smaller files takes no time worth telling.
@@ -103,6 +105,7 @@ impl Mesh {
             notes,
             load_time: Duration::ZERO,
             clean_time: started.elapsed(),
+            hard_edges: None,
         })
     }
 
@@ -166,6 +169,7 @@ impl Mesh {
             notes: Vec::new(),
             load_time: Duration::ZERO,
             clean_time: Duration::ZERO,
+            hard_edges: asset.cover().hard_edges,
         }
     }
 
@@ -176,6 +180,11 @@ impl Mesh {
     /// Nothing is left at so few triangles.
     pub fn simplified(&self, triangles: usize) -> Result<Self> {
         Self::from_model(simplified(&self.mesh, triangles)?, &self.path)
+    }
+
+    /// The angle of the hard edges of the asset that it is [the mesh of](Self::of_asset).
+    pub(crate) fn hard_edges(&self) -> Option<f32> {
+        self.hard_edges
     }
 
     /// What cleaning did, and the topology of the result.

@@ -153,7 +153,7 @@ def bake(
             and looks with baked light. The triangles of the asset are then not the model's; its vertices come first.
         hard_edges: cut the texture at edges whose two triangles' normals differ by at least so many degrees, 0 to 180; 60 finds
             those of a box. Models of flat faces are sharper by that, and the texture may jump there, by about a tile's own error.
-            By default it is continuous everywhere.
+            By default it is continuous everywhere; but the mesh of an asset keeps the hard edges of that.
         alpha: what is made of the opacity of colours that a function, a solid, an image or vertices give: ``"opaque"``, ``"cut-out"``
             (from a half on), ``"blend"``; by default what the mesh's materials say, which is ``"opaque"`` where it has none.
         weld: join vertices of the mesh that lie up to this far apart, world units; by default only those at the same place.
