@@ -2,6 +2,7 @@
 """Seamless textures on any mesh, without UV coordinates: bake, show, paint and export fans in Blender."""
 
 import atexit
+import math
 import os
 import shutil
 import subprocess
@@ -98,21 +99,19 @@ CANCEL_SECONDS = 10
 class Bake:
     """A bake on a thread of its own."""
 
-    def __init__(self, mesh, path, texels, source, overwrite):
+    def __init__(self, mesh, path, **settings):
         self.step, self.done, self.total = "baking", 0, 1
         self.is_cancelled = False
         self.error = None
         self.asset = None
         # Blender ends without waiting for such threads.
-        self.thread = threading.Thread(target=self._run, args=(mesh, path, texels, source, overwrite), daemon=True)
+        self.thread = threading.Thread(target=self._run, args=(mesh, path, settings), daemon=True)
         RUNNING.add(self)
         self.thread.start()
 
-    def _run(self, mesh, path, texels, source, overwrite):
+    def _run(self, mesh, path, settings):
         try:
-            self.asset = fantex.bake(
-                mesh, path, texels=texels, source=source, overwrite=overwrite, progress=self._progress
-            )
+            self.asset = fantex.bake(mesh, path, progress=self._progress, **settings)
         except Exception as error:  # Shown by whoever waits.
             self.error = error
         finally:
@@ -163,6 +162,19 @@ class FANTEX_OT_bake(bpy.types.Operator):
     solid: EnumProperty(name="Solid", items=[(name, name.title(), "") for name in fantex.SOLIDS])
     look: StringProperty(name="Look", subtype="FILE_PATH")
     million_texels: FloatProperty(name="Million Texels", default=4.0, min=0.001, soft_max=1000.0)
+    cuts_hard_edges: BoolProperty(
+        name="Cut at Hard Edges",
+        description="Cut the texture at edges that bend sharply, so that flat faces are sharper up to their edges. "
+        "It is not continuous across these",
+    )
+    hard_angle: FloatProperty(
+        name="Hard Edges from",
+        description="Edges whose two faces' normals differ by at least so much are cut",
+        subtype="ANGLE",
+        default=math.radians(60),
+        min=0,
+        max=math.pi,
+    )
 
     _bake = None
 
@@ -189,7 +201,10 @@ class FANTEX_OT_bake(bpy.types.Operator):
         else:
             mesh = objects.plain_mesh(item, context.evaluated_depsgraph_get())
             source = fantex.vertex_colors() if self.source == "COLORS" else fantex.solid(self.solid)
-        return Bake(mesh, path, self.million_texels * 1e6, source, overwrite)
+        # Angles are radians of single precision here.
+        hard_edges = min(round(math.degrees(self.hard_angle), 4), 180) if self.cuts_hard_edges else None
+        texels = self.million_texels * 1e6
+        return Bake(mesh, path, texels=texels, source=source, overwrite=overwrite, hard_edges=hard_edges)
 
     def execute(self, context):
         """Without a window: waits for the end."""

@@ -512,6 +512,15 @@ base_color = [0.0, 0.0, 1.0]
     np.testing.assert_allclose([upper[:3], lower[:3], beside[:3]], [(1, 1, 1), (0, 0, 0), (0, 0, 1)], atol=0.03)
 
 
+def test_textures_are_cut_at_hard_edges_where_that_is_asked_for(tmp_path, extension):
+    angles = {}
+    for name, settings in {"whole": {}, "cut": {"cuts_hard_edges": True}, "all": {"hard_angle": math.pi}}.items():
+        bpy.ops.mesh.primitive_cube_add()
+        bake(tmp_path / f"{name}.fan", **{"cuts_hard_edges": name != "whole", **settings})
+        angles[name] = fantex.open(tmp_path / f"{name}.fan").info["hard_edges"]
+    assert angles == {"whole": None, "cut": 60, "all": 180}
+
+
 def test_notes_of_bakes_are_told(tmp_path, extension, capfd):
     bpy.ops.mesh.primitive_plane_add()
     bake(tmp_path / "a.fan")
@@ -703,7 +712,7 @@ def slow_bake(extension, path):
     """A bake that takes minutes."""
     bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
     mesh = extension.objects.plain_mesh(bpy.context.object, bpy.context.evaluated_depsgraph_get())
-    running = extension.Bake(mesh, str(path), 4e6, slow, False)
+    running = extension.Bake(mesh, str(path), texels=4e6, source=slow)
     while running.total == 1 and not running.is_finished:
         time.sleep(0.01)
     assert running in extension.RUNNING

@@ -1,4 +1,5 @@
-//! Files that appear whole or not at all: written under a temporary name in their own folder, then renamed.
+//! Files that appear whole or not at all: written under a temporary name in their own folder, then renamed. Where a symbolic link is to be
+//! written over, the file that it leads to is replaced, and the link stays.
 //!
 //! A process that is killed leaves what it had under temporary names. Locks tell it from what others write: the next one that writes into
 //! the folder removes it.
@@ -20,12 +21,26 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// Where symbolic links lead, whether something is there or not; other paths, and links that lead back to themselves, are their own places.
+pub fn followed(path: &Path) -> PathBuf {
+    let mut place = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        let Ok(target) = std::fs::read_link(&place) else { return place };
+        place = folder_of(&place).join(target);
+    }
+    path.to_owned()
+}
+
+/// Links that lead to each other: as many as Linux follows.
+const MAX_LINKS: usize = 40;
+
 /// Refuses a file in a folder that is not there.
 ///
 /// # Errors
 /// There is no such folder.
 pub fn check_folder_of(path: &Path) -> Result<()> {
-    let folder = folder_of(path);
+    let place = followed(path);
+    let folder = folder_of(&place);
     if folder.is_dir() {
         return Ok(());
     }
@@ -33,7 +48,7 @@ pub fn check_folder_of(path: &Path) -> Result<()> {
     Err(Error::not_found(sentence).with_path(path))
 }
 
-/// A new file in the folder of `path`, with the permissions that any new file gets (temporary files are private by default).
+/// A new file in the folder of `path` (where a symbolic link [leads](followed)), with the permissions that any new file gets (temporary files are private by default).
 /// It goes away unless it gets another name.
 ///
 /// # Errors
@@ -42,8 +57,10 @@ pub fn temporary_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let mut builder = Builder::new();
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    sweep(folder_of(path));
-    let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder_of(path)).map_err(without_name)?;
+    let place = followed(path);
+    let folder = folder_of(&place);
+    sweep(folder);
+    let file = builder.prefix(PREFIX).suffix(suffix).tempfile_in(folder).map_err(without_name)?;
     let same = file.as_file().try_clone()?;
     // Where there are no locks, others leave it alone for a while only.
     same.try_lock_shared().unwrap_or_default();
@@ -251,7 +268,7 @@ fn remove_left_folder(path: &Path, is_old: bool) {
     }
 }
 
-/// Makes a finished file durable and gives it its name; only with `force` over another.
+/// Makes a finished file durable and gives it its name; only with `force` over another, which is the one that a link [leads](followed) to.
 ///
 /// # Errors
 /// [`exists`], or the system refuses: then the file is gone, and what was at `path` is as it was. Where only the folder cannot be
@@ -274,22 +291,41 @@ pub fn persist_all(files: Vec<(TempPath, PathBuf)>, force: bool) -> Result<()> {
     let mut named: Vec<PathBuf> = Vec::with_capacity(files.len());
     for (file, path) in files {
         let temporary = file.to_path_buf();
-        let result = if force { file.persist(&path) } else { file.persist_noclobber(&path) };
-        if let Err(error) = result {
+        let place = if force { followed(&path) } else { path.clone() };
+        if let Err(error) = rename(file, &place, force) {
             if !force {
                 named.iter().for_each(|path| std::fs::remove_file(path).unwrap_or_default());
             }
-            return Err(match error.error.kind() {
+            return Err(match error.kind() {
                 io::ErrorKind::AlreadyExists => exists(&path),
-                _ => failed(&path, error.error),
+                _ => failed(&path, error),
             });
         }
         forget(&temporary);
-        named.push(path);
+        named.push(place);
     }
     // Names are durable once their folders are.
     named.dedup_by(|a, b| folder_of(a) == folder_of(b));
     named.iter().try_for_each(|path| sync_folder(folder_of(path)))
+}
+
+/// Gives a file its name; with `force` over another, also where a link has led to another file system than the file was written to.
+fn rename(file: TempPath, place: &Path, force: bool) -> io::Result<()> {
+    if !force {
+        return file.persist_noclobber(place).map_err(|refused| refused.error);
+    }
+    let Err(refused) = file.persist(place) else { return Ok(()) };
+    if refused.error.kind() != io::ErrorKind::CrossesDevices {
+        return Err(refused.error);
+    }
+    let mut copy = temporary_file(place, "")?;
+    io::copy(&mut File::open(&refused.path)?, copy.as_file_mut())?;
+    copy.as_file().sync_all()?;
+    let copy = copy.into_temp_path();
+    let temporary = copy.to_path_buf();
+    copy.persist(place).map_err(|refused| refused.error)?;
+    forget(&temporary);
+    Ok(())
 }
 
 /// Makes the names of a folder's files durable, where the system can.
@@ -414,6 +450,34 @@ mod tests {
         let path = used.path().to_owned();
         drop(used);
         assert!(!path.exists() && !temporaries().files.contains_key(&path));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_what_they_lead_to_is_replaced() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("below")).unwrap();
+        std::fs::write(at("below/file"), "old").unwrap();
+        for (target, link) in
+            [("file", "below/link"), ("below/link", "link"), ("below/none", "dangling"), ("loop", "loop")]
+        {
+            symlink(target, at(link)).unwrap();
+        }
+        let write = |name: &str, force| write_whole(&at(name), force, |out| out.write_all(b"new"));
+        assert_eq!(write("link", false).unwrap_err().kind(), crate::ErrorKind::AlreadyExists);
+        assert_eq!(std::fs::read(at("below/file")).unwrap(), b"old");
+        // By a chain of links, to a file that is not there yet, and back to itself.
+        for (link, file) in [("link", "below/file"), ("dangling", "below/none")] {
+            write(link, true).unwrap();
+            assert!(at(link).is_symlink() && !at(file).is_symlink());
+            assert_eq!(std::fs::read(at(file)).unwrap(), b"new");
+        }
+        write("loop", true).unwrap();
+        assert_eq!(std::fs::read(at("loop")).unwrap(), b"new");
+        let names = |folder: &Path| folder.read_dir().unwrap().count();
+        assert_eq!([names(folder.path()), names(&at("below"))], [4, 3], "nothing else is left");
     }
 
     #[test]

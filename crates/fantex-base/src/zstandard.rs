@@ -3,6 +3,8 @@
 //!
 //! Whatever is unpacked is a sequence of frames whose contents follow each other; skippable frames may lie among them.
 
+use std::io::Read;
+
 #[cfg(not(target_arch = "wasm32"))]
 use native as decoder;
 #[cfg(target_arch = "wasm32")]
@@ -31,6 +33,15 @@ impl Unpacker {
 pub fn unpack_exactly(packed: &[u8], bytes: u64, window_log: u32) -> Option<Vec<u8>> {
     decoder::unpack_exactly(packed, bytes, window_log).filter(|raw| raw.len() as u64 == bytes)
 }
+
+/// Frames as a stream of what they hold, with windows of at most `2^window_log` bytes; none where these are asked to be larger. `bytes` is how
+/// many bytes callers expect, who check the stream's length: where unpacking is not [gradual](IS_GRADUAL), it has so many or there is none.
+pub fn unpacking(packed: &[u8], bytes: u64, window_log: u32) -> Option<Box<dyn Read + '_>> {
+    decoder::unpacking(packed, bytes, window_log)
+}
+
+/// Whether [`unpacking`] takes memory for windows only, not for all that it gives.
+pub const IS_GRADUAL: bool = cfg!(not(target_arch = "wasm32"));
 
 /// Unpacks frames that hold at most `max_bytes` bytes; none where they are damaged or hold more.
 pub fn unpack(packed: &[u8], max_bytes: usize) -> Option<Vec<u8>> {
@@ -61,17 +72,23 @@ mod native {
     }
 
     pub(super) fn unpack_exactly(packed: &[u8], bytes: u64, window_log: u32) -> Option<Vec<u8>> {
-        let mut decoder = zstd::Decoder::new(packed).ok()?;
-        decoder.window_log_max(window_log).ok()?;
         let mut raw = Vec::new();
-        decoder.take(bytes.saturating_add(1)).read_to_end(&mut raw).ok()?;
+        unpacking(packed, bytes, window_log)?.take(bytes.saturating_add(1)).read_to_end(&mut raw).ok()?;
         Some(raw)
+    }
+
+    pub(super) fn unpacking(packed: &[u8], _: u64, window_log: u32) -> Option<Box<dyn Read + '_>> {
+        let mut decoder = zstd::Decoder::with_buffer(packed).ok()?;
+        decoder.window_log_max(window_log).ok()?;
+        Some(Box::new(decoder))
     }
 }
 
 /// Compiled for tests, too: they compare it with the other.
 #[cfg(any(test, target_arch = "wasm32"))]
 mod portable {
+    use std::io::{Cursor, Read};
+
     use ruzstd::decoding::FrameDecoder;
 
     #[derive(Default)]
@@ -90,6 +107,11 @@ mod portable {
         let length = decoder.decode_all(packed, &mut raw).ok()?;
         raw.truncate(length);
         Some(raw)
+    }
+
+    pub(super) fn unpacking(packed: &[u8], bytes: u64, window_log: u32) -> Option<Box<dyn Read + '_>> {
+        let raw = unpack_exactly(packed, bytes, window_log).filter(|raw| raw.len() as u64 == bytes)?;
+        Some(Box::new(Cursor::new(raw)))
     }
 }
 
@@ -146,6 +168,11 @@ mod tests {
             let exact = native::unpack_exactly(&packed, count as u64, 23);
             assert_eq!(exact.as_deref(), Some(&one[..count]));
             assert_eq!(portable::unpack_exactly(&packed, count as u64, 23), exact);
+            for unpacking in [native::unpacking, portable::unpacking] {
+                let mut streamed = Vec::new();
+                unpacking(&packed, count as u64, 23).unwrap().read_to_end(&mut streamed).unwrap();
+                assert_eq!(Some(streamed), exact);
+            }
             if count > 0 {
                 assert_eq!(portable.unpack(&packed, &mut other[..count - 1]), None);
             }

@@ -154,6 +154,11 @@ impl Context {
         StepBar { context: self, label, unit, bar: Mutex::default() }
     }
 
+    /// A bar for a model that is read and cleaned.
+    pub(crate) fn reading(&self) -> StepBar<'_> {
+        self.step("reading", "MB")
+    }
+
     /// Bars for what is fetched from a store and sent back.
     pub(crate) fn transfers(&self) -> [StepBar<'_>; 2] {
         ["fetching", "uploading"].map(|label| self.step(label, "MB"))

@@ -36,7 +36,7 @@ enum Content {
 impl Scene {
     /// Opens a file. An asset's decoded tiles stay within the common memory budget.
     pub(crate) fn open(path: &Path, context: &Context) -> Result<Self> {
-        let content = match Input::open(path, ReadArgs::default())? {
+        let content = match Input::open(path, ReadArgs::default(), context)? {
             Input::Model(model) => {
                 show_notes(&model, context);
                 Content::Model(model)
@@ -194,22 +194,23 @@ pub(crate) enum Input {
 }
 
 impl Input {
-    pub(crate) fn open(path: &Path, read: ReadArgs) -> Result<Self> {
+    pub(crate) fn open(path: &Path, read: ReadArgs, context: &Context) -> Result<Self> {
         Ok(match FileKind::of(path)? {
             FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
             FileKind::World => Self::World(World::open(path)?),
             FileKind::Asset => Self::Asset(Arc::clone(fantex::Asset::open(path)?.shared())),
             FileKind::Model => {
-                Self::Model(Box::new(fantex::Mesh::load_with(path, &CleanOptions::welding(read.weld))?))
+                let (clean, reading) = (CleanOptions::welding(read.weld), context.reading());
+                Self::Model(Box::new(fantex::Mesh::load_watched(path, &clean, &reading)?))
             }
         })
     }
 }
 
 /// Loads and cleans a model; an asset is refused.
-pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
+pub(crate) fn open_model(path: &Path, context: &Context) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
-        FileKind::Model => fantex::Mesh::load(path),
+        FileKind::Model => fantex::Mesh::load_watched(path, &CleanOptions::default(), &context.reading()),
         FileKind::Look => Err(FileKind::look_instead(path)),
         FileKind::World => Err(FileKind::world_instead(path)),
         FileKind::Asset => Err(fantex::Asset::open(path).err().unwrap_or_else(|| Error::unsupported(format!(
@@ -220,11 +221,11 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
 }
 
 /// Loads and cleans a model, or takes the mesh of an asset.
-pub(crate) fn open_shape(path: &Path, read: ReadArgs) -> Result<fantex::Mesh> {
+pub(crate) fn open_shape(path: &Path, read: ReadArgs, context: &Context) -> Result<fantex::Mesh> {
     match FileKind::of(path)? {
         FileKind::Look => Err(FileKind::look_instead(path)),
         FileKind::Asset | FileKind::Model | FileKind::World => {
-            fantex::Mesh::open_with(path, &CleanOptions::welding(read.weld))
+            fantex::Mesh::open_watched(path, &CleanOptions::welding(read.weld), &context.reading())
         }
     }
 }

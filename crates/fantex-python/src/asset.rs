@@ -148,7 +148,7 @@ impl Asset {
         })?;
         let channels = PyDict::new(py);
         for channel in self.asset.channels() {
-            channels.set_item(name_of(channel.kind), format!("{:?}", channel.format))?;
+            channels.set_item(name_of(channel.kind), channel.format.to_string())?;
         }
         let figures = PyDict::new(py);
         figures.set_item("kind", "asset")?;

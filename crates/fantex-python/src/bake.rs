@@ -1,5 +1,6 @@
 //! Bakes, from everything that the command line takes and from Python's own functions.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use fantex::addresses::{Target, check_is_path};
 use fantex::bake::{Prefilter, Source as BakeSource, SourceChannel, TexelPoint};
 use fantex::export::ExportSummary;
 use fantex::glam::{Vec3, Vec4};
-use fantex::mesh::{Mesh as Geometry, WorldFromMesh};
+use fantex::mesh::{AlphaMode, Mesh as Geometry, WorldFromMesh};
 use fantex::photos::CameraFrame;
 use fantex::store::{self, ChannelKind};
 use fantex::stream::{Replace, open_source};
@@ -24,7 +25,7 @@ use crate::arrays::{array, rows};
 use crate::asset::{Asset, name_of};
 use crate::export::AtlasFiles;
 use crate::mesh::Mesh;
-use crate::options::{choice, optional};
+use crate::options::{ALPHA_MODES, choice, optional, word};
 use crate::watch::{Watch, heard, in_python, watched};
 
 /// What a source is made of; the Python side makes nothing else.
@@ -83,6 +84,10 @@ impl Job {
             let target = Target::new(place)?;
             target.check(settings.overwrite)?;
             let file = target.file();
+            let mesh = match settings.alpha {
+                Some(alpha) => Cow::Owned(mesh.with_alpha_mode(alpha)),
+                None => Cow::Borrowed(&*mesh),
+            };
             let baker = settings.baker(&mesh).progress(watch);
             let baked = match source {
                 JobSource::OfModel => reach(baker, file),
@@ -326,6 +331,7 @@ struct Settings {
     match_source: bool,
     tile: Option<u32>,
     hard_edges: Option<f32>,
+    alpha: Option<AlphaMode>,
     longest_edge: Option<LongestEdge>,
     format: BakeFormat,
     fit: Fit,
@@ -357,6 +363,7 @@ impl Settings {
             match_source: optional(options, "match")?.unwrap_or(false),
             tile: optional(options, "tile")?,
             hard_edges: optional(options, "hard_edges")?,
+            alpha: word(options, "alpha", &ALPHA_MODES)?,
             longest_edge: longest_edge(options)?,
             format: choice(options, "format", &formats)?,
             fit: choice(options, "fit", &fits)?,

@@ -3,14 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use fantex::addresses::{change, change_copy, check_is_path};
-use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
 use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::asset::{Asset, CHANNELS};
-use crate::options::{named, optional, word};
+use crate::options::{ALPHA_MODES, named, optional, word};
 use crate::watch::{heard, watched};
 
 /// Channels that a list names.
@@ -31,9 +30,7 @@ pub(crate) fn paint(
     options: &Bound<'_, PyDict>,
 ) -> PyResult<(usize, usize, usize, usize)> {
     let (added, removed) = (kinds(options, "add_channels")?, kinds(options, "remove_channels")?);
-    let alphas =
-        [("opaque", AlphaMode::Opaque), ("cut-out", AlphaMode::Mask(0.5)), ("blend", AlphaMode::Blend)];
-    let alpha = word(options, "alpha", &alphas)?;
+    let alpha = word(options, "alpha", &ALPHA_MODES)?;
     let options = PaintOptions {
         memory_bytes: optional(options, "memory")?.unwrap_or(256 << 20),
         history: optional(options, "history")?.unwrap_or(true),

@@ -14,7 +14,7 @@ use fantex::mesh::{
 use fantex::render::LookSurface;
 use fantex::texture::ColorSpace;
 use fantex::texture::material::read_image;
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
@@ -197,6 +197,23 @@ impl Mesh {
         array(py, &self.0.triangles)
     }
 
+    /// Linear RGBA by face and corner, and likewise the next two.
+    #[getter]
+    fn colors<'py>(&self, py: Python<'py>) -> PyResult<Option<ByCorner<'py>>> {
+        by_corner(py, &self.0.corners.colors, Vec4::to_array)
+    }
+
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<ByCorner<'py>>> {
+        by_corner(py, &self.0.corners.normals, Vec3::to_array)
+    }
+
+    /// With v upwards.
+    #[getter]
+    fn uv<'py>(&self, py: Python<'py>) -> PyResult<Option<ByCorner<'py>>> {
+        self.0.corners.uv_sets.first().map_or(Ok(None), |uv| by_corner(py, uv, upwards))
+    }
+
     #[getter]
     fn source_faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         let sources: Vec<u32> =
@@ -236,6 +253,21 @@ fn per_corner<const N: usize, T: From<[f32; N]> + Copy>(
         )));
     }
     Ok(faces.as_flattened().iter().map(|&v| T::from(values[v as usize])).collect())
+}
+
+type ByCorner<'py> = Bound<'py, PyArray3<f32>>;
+
+/// Values of corners, three of each face; none where there are none.
+fn by_corner<'py, const N: usize, T>(
+    py: Python<'py>,
+    values: &[T],
+    numbers: impl Fn(&T) -> [f32; N],
+) -> PyResult<Option<ByCorner<'py>>> {
+    if values.is_empty() {
+        return Ok(None);
+    }
+    let numbers: Vec<f32> = values.iter().flat_map(numbers).collect();
+    numbers.to_pyarray(py).reshape([values.len() / 3, 3, N]).map(Some)
 }
 
 /// Positions of a mesh in the world.

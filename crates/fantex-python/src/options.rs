@@ -1,5 +1,6 @@
 //! Settings that come in dictionaries, with names for what stands in each.
 
+use fantex::mesh::AlphaMode;
 use fantex::{ReadLimits, ReadOptions};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -37,6 +38,10 @@ pub(crate) fn named<T: Copy>(key: &str, word: &str, choices: &[(&str, T)]) -> Py
         PyValueError::new_err(format!("{key} {word:?} is none of {}", names.join(", ")))
     })
 }
+
+/// What materials make of opacity, by the words for it.
+pub(crate) const ALPHA_MODES: [(&str, AlphaMode); 3] =
+    [("opaque", AlphaMode::Opaque), ("cut-out", AlphaMode::Mask(0.5)), ("blend", AlphaMode::Blend)];
 
 /// How much memory files of others may take that are read whole, and whether they may name files outside their folders: from now on, in
 /// all threads.

@@ -233,6 +233,49 @@ def test_functions_give_alpha_and_no_numbers(tmp_path):
     assert raised.value.errno == errno.ENOENT
 
 
+def test_functions_say_what_is_made_of_their_opacity(tmp_path):
+    square = ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+
+    def half(points, _):
+        return np.column_stack([np.full((len(points), 3), 0.5), points[:, 0] > 0.5])
+
+    settings = {"texels": 10_000, "source": half}
+    for alpha in ("opaque", "cut-out", "blend"):
+        asset = fantex.bake(square, tmp_path / f"{alpha}.fan", alpha=alpha, **settings)
+        assert [material.alpha for material in asset.materials] == [alpha]
+    assert fantex.bake(square, tmp_path / "a.fan", **settings).materials[0].alpha == "opaque"
+    # As painting would have it, and in parts the same.
+    assert fantex.open(tmp_path / "cut-out.fan").materials[0].threshold == 0.5
+    plan = fantex.plan(square, tmp_path / "a.plan", alpha="cut-out", **settings)
+    fantex.bake_part(plan, (1, 1), tmp_path / "1.part", mesh=square, source=half)
+    fantex.merge(plan, [tmp_path / "1.part"], tmp_path / "merged.fan")
+    assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "cut-out.fan").read_bytes()
+    fantex.bake_model(square, tmp_path / "a.glb", alpha="blend", **settings)
+    assert b'"alphaMode":"BLEND"' in (tmp_path / "a.glb").read_bytes()
+    with pytest.raises(ValueError, match="none of opaque, cut-out, blend"):
+        fantex.bake(square, tmp_path / "b.fan", alpha="cut", **settings)
+    with pytest.raises(ValueError, match="alpha= is for functions"):
+        fantex.bake(square, tmp_path / "b.fan", alpha="blend")
+
+
+def test_what_is_at_corners_is_read(sphere):
+    positions, faces = sphere
+    bare = fantex.Mesh(positions, faces)
+    assert bare.colors is None and bare.normals is None and bare.uv is None
+    given = {
+        "colors": np.column_stack([(positions + 1) / 2, np.full(len(positions), 0.5)]).astype(np.float32),
+        "normals": (positions / np.linalg.norm(positions, axis=1)[:, None]).astype(np.float32),
+        "uv": positions[:, :2].astype(np.float32),
+    }
+    mesh = fantex.Mesh(positions, faces, **given)
+    for name, values in given.items():
+        found = getattr(mesh, name)
+        assert found.dtype == np.float32
+        np.testing.assert_allclose(found, values[faces[mesh.source_faces]], atol=1e-6, err_msg=name)
+        with pytest.raises(AttributeError):
+            setattr(mesh, name, None)
+
+
 def test_slips_in_strokes(tmp_path, waves):
     """A number where a choice belongs is JSON."""
     for brush in ({"size": 60}, {"size": {}}, {"size": [1]}):

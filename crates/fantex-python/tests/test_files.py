@@ -46,7 +46,7 @@ def test_info_of_anything(tmp_path, waves, sphere, scene, bottle):
     info = waves.info
     assert info == fantex.info(waves) == fantex.info(waves.place)
     assert info["kind"] == "asset" and info["triangles"] == len(waves.faces) and info["vertices"] == len(waves.positions)
-    assert list(info["channels"]) == waves.channels and info["preview_bytes"] is None
+    assert info["channels"] == dict.fromkeys(waves.channels, "float") and info["preview_bytes"] is None
     mesh = fantex.Mesh(*sphere)
     assert fantex.info(mesh) == mesh.info
     assert (mesh.info["kind"], mesh.info["components"], mesh.info["genus"]) == ("model", 1, 0)

@@ -334,6 +334,9 @@ def test_models_for_other_programs(tmp_path):
         fantex.usd.write_glb(path, output)
     with pytest.raises(ValueError, match="a .glb file is written"):
         fantex.usd.write_glb(path, tmp_path / "tower.obj")
+    # Before it is read.
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        fantex.usd.write_glb(tmp_path / "none.usda", tmp_path / "none" / "tower.glb")
 
 
 def test_the_bottle(tmp_path, bottle):

@@ -215,6 +215,8 @@ pub(crate) fn prepare(
             let range = chunk * chunk_len..mesh.triangles.len().min((chunk + 1) * chunk_len);
             let mut pieces = Pieces::default();
             range.for_each(|triangle| setup.add(triangle, &mut pieces));
+            // It stays until the picture is there.
+            pieces.primitives.shrink_to_fit();
             Chunk::of_pieces(pieces, grid)
         })
         .collect()
@@ -249,7 +251,9 @@ pub const DRAWN_TRIANGLE_BYTES: u64 =
 /// There is not enough memory left.
 pub(crate) fn reserve_drawing(mesh: &Mesh) -> Result<Held> {
     let count = mesh.triangles.len() as u64;
-    input::reserve(format_args!("a picture of {count} triangles"), DRAWN_TRIANGLE_BYTES * count)
+    // Of the lists, those of a few thousand triangles grow at a time.
+    let bytes = DRAWN_TRIANGLE_BYTES - size_of::<Primitive>() as u64;
+    input::reserve(format_args!("a picture of {count} triangles"), bytes * count)
 }
 
 /// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.

@@ -1,32 +1,79 @@
 //! Little-endian reading and writing of sections, every read checked.
 
+use std::borrow::Cow;
+use std::fmt;
+use std::io::Read;
+
 use bytemuck::{Pod, Zeroable};
 use fantex_base::{Error, Result};
 
 use crate::error::{ends, not_finite, out_of_range, too_many, wrong_count};
 
 pub(crate) struct ByteReader<'a> {
-    bytes: &'a [u8],
+    rest: Rest<'a>,
+    /// Bytes in all, and those that are read.
+    length: usize,
     at: usize,
 }
 
+/// What is not read yet.
+enum Rest<'a> {
+    Slice(&'a [u8]),
+    /// Bytes that are unpacked as they are read.
+    Stream(Box<dyn Read + 'a>),
+}
+
+/// Bytes of an array that are read at once.
+const PIECE_BYTES: usize = 16 << 10;
+
 impl<'a> ByteReader<'a> {
     pub(crate) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0 }
+        Self { rest: Rest::Slice(bytes), length: bytes.len(), at: 0 }
+    }
+
+    /// Of a stream that should have `length` bytes.
+    pub(crate) fn of_stream(stream: Box<dyn Read + 'a>, length: usize) -> Self {
+        Self { rest: Rest::Stream(stream), length, at: 0 }
+    }
+
+    /// That so many bytes should be left.
+    fn check_left(&self, count: usize, what: &'static str) -> Result<()> {
+        if count > self.remaining() { Err(ends(what, self.length)) } else { Ok(()) }
     }
 
     /// The next `count` bytes; `what` names them in the error.
-    pub(crate) fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8]> {
-        let rest = &self.bytes[self.at..];
-        let taken = rest.get(..count).ok_or_else(|| ends(what, self.bytes.len()))?;
-        self.at += count;
-        Ok(taken)
+    pub(crate) fn take(&mut self, count: usize, what: &'static str) -> Result<Cow<'a, [u8]>> {
+        self.check_left(count, what)?;
+        if let Rest::Slice(rest) = &mut self.rest {
+            let (taken, left) = rest.split_at(count);
+            *rest = left;
+            self.at += count;
+            return Ok(Cow::Borrowed(taken));
+        }
+        let mut taken = vec![0; count];
+        self.fill(&mut taken, what)?;
+        Ok(Cow::Owned(taken))
     }
 
     fn array<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N]> {
         let mut array = [0; N];
-        array.copy_from_slice(self.take(N, what)?);
+        self.fill(&mut array, what)?;
         Ok(array)
+    }
+
+    /// The next bytes, as many as there is room for.
+    fn fill(&mut self, room: &mut [u8], what: &'static str) -> Result<()> {
+        self.check_left(room.len(), what)?;
+        match &mut self.rest {
+            Rest::Slice(rest) => {
+                let (taken, left) = rest.split_at(room.len());
+                room.copy_from_slice(taken);
+                *rest = left;
+            }
+            Rest::Stream(stream) => stream.read_exact(room).map_err(|_| not_unpacked(self.length))?,
+        }
+        self.at += room.len();
+        Ok(())
     }
 
     pub(crate) fn u8(&mut self, what: &'static str) -> Result<u8> {
@@ -76,18 +123,23 @@ impl<'a> ByteReader<'a> {
         count: usize,
         what: &'static str,
     ) -> Result<Vec<[u32; LANES]>> {
-        let too_many = || ends(what, self.bytes.len());
+        let too_many = || ends(what, self.length);
         let words = count.checked_mul(LANES).ok_or_else(too_many)?;
-        let length = words.checked_mul(4).ok_or_else(too_many)?;
-        let planes = self.take(length, what)?;
+        self.check_left(words.checked_mul(4).ok_or_else(too_many)?, what)?;
         let mut items = vec![[0u32; LANES]; count];
+        let mut piece = [0; PIECE_BYTES];
+        for shift in [0, 8, 16, 24] {
+            for codes in items.as_flattened_mut().chunks_mut(PIECE_BYTES) {
+                let bytes = &mut piece[..codes.len()];
+                self.fill(bytes, what)?;
+                codes.iter_mut().zip(bytes).for_each(|(code, &mut byte)| *code |= u32::from(byte) << shift);
+            }
+        }
         let mut previous = [0u32; LANES];
-        for (i, item) in items.iter_mut().enumerate() {
-            for (lane, previous) in previous.iter_mut().enumerate() {
-                let k = i * LANES + lane;
-                let bytes = [planes[k], planes[words + k], planes[2 * words + k], planes[3 * words + k]];
-                *previous = previous.wrapping_add(unzigzag(u32::from_le_bytes(bytes)));
-                item[lane] = *previous;
+        for item in &mut items {
+            for (code, previous) in item.iter_mut().zip(&mut previous) {
+                *previous = previous.wrapping_add(unzigzag(*code));
+                *code = *previous;
             }
         }
         Ok(items)
@@ -107,14 +159,33 @@ impl<'a> ByteReader<'a> {
 
     /// Bytes that are not read yet.
     pub(crate) fn remaining(&self) -> usize {
-        self.bytes.len() - self.at
+        self.length - self.at
     }
 
-    pub(crate) fn end(self) -> Result<()> {
-        match self.bytes.len() - self.at {
-            0 => Ok(()),
-            count => Err(Error::malformed(format!("{count} bytes are left over at the end"))),
+    pub(crate) fn end(mut self) -> Result<()> {
+        match (self.remaining(), &mut self.rest) {
+            (0, Rest::Slice(_)) => Ok(()),
+            // What checks the stream's contents comes with its end.
+            (0, Rest::Stream(stream)) => match stream.read(&mut [0]) {
+                Ok(0) => Ok(()),
+                _ => Err(not_unpacked(self.length)),
+            },
+            (count, _) => Err(Error::malformed(format!("{count} bytes are left over at the end"))),
         }
+    }
+}
+
+/// What is packed is damaged or has another length.
+fn not_unpacked(length: usize) -> Error {
+    Error::damaged(format!("the data do not unpack to {length} bytes"))
+}
+
+impl fmt::Debug for ByteReader<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ByteReader")
+            .field("length", &self.length)
+            .field("at", &self.at)
+            .finish_non_exhaustive()
     }
 }
 
@@ -234,6 +305,28 @@ mod tests {
         let mut reader = ByteReader::new(&writer.bytes);
         assert_eq!(reader.words::<2>(4, "items").unwrap(), items);
         reader.end().unwrap();
+    }
+
+    #[test]
+    fn streams_are_read_as_slices_are() {
+        let items: Vec<[u32; 3]> = (0..20_000u32).map(|i| [i, i.wrapping_mul(0x9E37_79B9), !i]).collect();
+        let mut writer = ByteWriter::default();
+        writer.u32(7);
+        writer.words(items.iter().copied());
+        let bytes = &writer.bytes;
+        let read = |mut reader: ByteReader<'_>| -> Result<Vec<[u32; 3]>> {
+            assert_eq!(&*reader.take(4, "seven")?, &7u32.to_le_bytes());
+            let items = reader.words::<3>(20_000, "items")?;
+            reader.end().map(|()| items)
+        };
+        let stream = |end: usize, length| read(ByteReader::of_stream(Box::new(&bytes[..end]), length));
+        let whole = bytes.len();
+        assert_eq!(read(ByteReader::new(bytes)).unwrap(), items);
+        assert_eq!(stream(whole, whole).unwrap(), items);
+        // The stream is shorter and longer than said, or both are no such array.
+        for (end, length) in [(whole - 1, whole), (whole, whole - 1), (whole, whole + 1), (4, 4)] {
+            stream(end, length).unwrap_err();
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Material channels, texel formats, and the section that lists them.
 
+use std::fmt;
 use std::ops::Range;
 
 use fantex_base::{Error, Result};
@@ -79,6 +80,22 @@ pub enum TexelFormat {
     Rgba8,
     /// Sixteen bytes, little-endian floats.
     Rgba32F,
+}
+
+/// As `bc7`: in the words of options, where there is one.
+impl fmt::Display for TexelFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bc1 => "bc1",
+            Self::Bc4 => "bc4",
+            Self::Bc5 => "bc5",
+            Self::Bc7 => "bc7",
+            Self::R8 => "r8",
+            Self::Rg8 => "rg8",
+            Self::Rgba8 => "rgba8",
+            Self::Rgba32F => "float",
+        })
+    }
 }
 
 impl TexelFormat {

@@ -166,7 +166,8 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory>
     let mut directory = Directory { levels: Vec::new(), means: Means::layout(expected.formats) };
     for &count in &counts {
         let what = "the directory's clusters";
-        let mut entries = ByteReader::new(input.take(count * ENTRY_BYTES, what)?);
+        let bytes = input.take(count * ENTRY_BYTES, what)?;
+        let mut entries = ByteReader::new(&bytes);
         let mut clusters = Vec::with_capacity(count);
         for _ in 0..count {
             clusters.push(ClusterEntry {
@@ -181,7 +182,7 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory>
     }
     let mean_bytes = expected.cover.groups.len().checked_mul(directory.means.group_bytes);
     let mean_bytes = mean_bytes.ok_or(ends("the means", bytes.len()))?;
-    directory.means.bytes = input.take(mean_bytes, "the means")?.to_vec();
+    directory.means.bytes = input.take(mean_bytes, "the means")?.into_owned();
     input.end()?;
     check_places(&directory, expected)?;
     for (level, clusters) in directory.levels.iter().enumerate() {
@@ -289,8 +290,8 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
     for index in 0..count {
         let what = "the name of an attachment";
         let length = input.count(MAX_ATTACHMENT_NAME_BYTES, what)?;
-        let name = std::str::from_utf8(input.take(length, what)?);
-        let name = name
+        let name = input.take(length, what)?;
+        let name = std::str::from_utf8(&name)
             .map_err(|_| Error::malformed(format!("the name of attachment {index} is not UTF-8")))?
             .to_owned();
         let what = "an attachment's place";

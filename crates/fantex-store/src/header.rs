@@ -21,7 +21,7 @@ use fantex_mesh::check_hard_edges;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::ByteSource;
-use crate::bytes::ByteWriter;
+use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::damaged;
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
 
@@ -225,46 +225,62 @@ pub(crate) fn read_other_slot(source: &dyn ByteSource, current: &Slot) -> (usize
     if first.as_ref() == Some(current) { (1, second) } else { (0, first) }
 }
 
-/// The stored bytes of the sections.
+/// The stored bytes of the sections, each as long as it is not unpacked.
 pub(crate) struct Sections<'a> {
     path: &'a Path,
     records: [SectionRecord; 4],
-    /// What was read, by place in the file.
-    spans: Vec<(Range<u64>, Vec<u8>)>,
+    stored: [Vec<u8>; 4],
 }
 
 impl<'a> Sections<'a> {
-    /// Checks the records and reads the sections' bytes. Memory grows with what is really there, not with what is claimed.
+    /// Checks the records and reads the sections' bytes.
     pub(crate) fn read(source: &'a dyn ByteSource, slot: &Slot) -> Result<Self> {
-        let path = source.location();
+        let (path, records) = (source.location(), slot.sections);
         let mut ranges = Vec::new();
-        for (record, section) in slot.sections.iter().zip(SECTION_NAMES) {
+        for (record, section) in records.iter().zip(SECTION_NAMES) {
             check_record(path, section, record, slot.file_length)?;
             ranges.push(record.range());
         }
-        let opened = opening_bytes(&slot.sections);
-        input::reserve(format_args!("opening the sections of {}", path.display()), opened).map(drop)?;
-        let mut spans = Vec::new();
-        for range in merged(ranges) {
-            let mut bytes = vec![0; (range.end - range.start) as usize];
-            source.read_exact_at(&mut bytes, range.start).map_err(|error| Error::reading(path, error))?;
-            spans.push((range, bytes));
+        reserve_opening(path, opening_bytes(&records))?;
+        let mut stored: [Vec<u8>; 4] = Default::default();
+        for span in merged(ranges) {
+            let mut bytes = vec![0; (span.end - span.start) as usize];
+            source.read_exact_at(&mut bytes, span.start).map_err(|error| Error::reading(path, error))?;
+            for (own, range) in stored.iter_mut().zip(records.iter().map(SectionRecord::range)) {
+                if span.start <= range.start && range.end <= span.end {
+                    *own = bytes[(range.start - span.start) as usize..(range.end - span.start) as usize]
+                        .to_vec();
+                }
+            }
         }
-        Ok(Self { path, records: slot.sections, spans })
+        Ok(Self { path, records, stored })
     }
 
-    pub(crate) fn unpack(&self, index: usize) -> Result<Vec<u8>> {
-        let record = &self.records[index];
-        unpack_section(self.path, SECTION_NAMES[index], record, self.stored(record))
+    /// Counts what all sections take that are unpacked and kept, beside what they say.
+    pub(crate) fn reserve_unpacked(&self) -> Result<input::Held> {
+        let bytes = self.records.iter().map(|record| record.raw_length).fold(0, u64::saturating_add);
+        reserve_opening(self.path, bytes)
     }
 
-    fn stored(&self, record: &SectionRecord) -> &[u8] {
-        let end = record.offset + record.stored_length;
-        let holds = |range: &Range<u64>| range.start <= record.offset && end <= range.end;
-        self.spans.iter().find(|(range, _)| holds(range)).map_or(&[], |(range, bytes)| {
-            &bytes[(record.offset - range.start) as usize..(end - range.start) as usize]
-        })
+    /// A section, unpacked. It is given once.
+    pub(crate) fn unpack(&mut self, index: usize) -> Result<Vec<u8>> {
+        let stored = std::mem::take(&mut self.stored[index]);
+        unpack_section(self.path, SECTION_NAMES[index], &self.records[index], &stored)
     }
+
+    /// Reads a section as it is unpacked. It is given once.
+    pub(crate) fn decode<T>(&mut self, index: usize, decode: impl FnOnce(ByteReader<'_>) -> T) -> Result<T> {
+        let (stored, record) = (std::mem::take(&mut self.stored[index]), &self.records[index]);
+        let section = SECTION_NAMES[index];
+        check_stored(self.path, section, record, &stored)?;
+        let stream = zstandard::unpacking(&stored, record.raw_length, MAX_WINDOW_LOG);
+        let stream = stream.ok_or_else(|| packing_error(self.path, section, record))?;
+        Ok(decode(ByteReader::of_stream(stream, record.raw_length as usize)))
+    }
+}
+
+fn reserve_opening(path: &Path, bytes: u64) -> Result<input::Held> {
+    input::reserve(format_args!("opening the sections of {}", path.display()), bytes)
 }
 
 pub(crate) fn read_section(
@@ -275,12 +291,15 @@ pub(crate) fn read_section(
 ) -> Result<Vec<u8>> {
     let path = source.location();
     check_record(path, section, record, file_length)?;
+    // As stored, unpacked, and what it says.
+    let bytes = record.raw_length.saturating_mul(2).saturating_add(record.stored_length);
+    input::reserve(format_args!("the {section} section of {}", path.display()), bytes)?;
     let mut stored = vec![0; record.stored_length as usize];
     source.read_exact_at(&mut stored, record.offset).map_err(|error| Error::reading(path, error))?;
     unpack_section(path, section, record, &stored)
 }
 
-/// That a section lies in the file and does not claim too much memory.
+/// That a section lies in the file and does not claim to hold more than it can.
 fn check_record(path: &Path, section: &'static str, record: &SectionRecord, file_length: u64) -> Result<()> {
     let SectionRecord { offset, stored_length, raw_length, .. } = *record;
     let end = record.range().end;
@@ -290,16 +309,36 @@ fn check_record(path: &Path, section: &'static str, record: &SectionRecord, file
     if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
         return Err(packing_error(path, section, record));
     }
-    // As stored, unpacked, and what it says.
-    let bytes = raw_length.saturating_mul(2).saturating_add(stored_length);
-    input::reserve(format_args!("the {section} section of {}", path.display()), bytes).map(drop)
+    Ok(())
 }
 
-/// Memory for all sections as stored and what they say, and for one of them unpacked.
-fn opening_bytes(records: &[SectionRecord]) -> u64 {
-    let sum = |bytes: u64, more: &u64| bytes.saturating_add(*more);
-    let lengths = records.iter().flat_map(|record| [&record.stored_length, &record.raw_length]);
-    lengths.fold(records.iter().map(|record| record.raw_length).max().unwrap_or(0), sum)
+/// The order in which sections are opened: channels, mesh, cover, directory.
+const OPENING_ORDER: [usize; 4] = [0, MESH_SECTION, 1, 3];
+
+/// The section that is read as it is unpacked: the only large one.
+pub(crate) const MESH_SECTION: usize = 2;
+
+/// The most memory that opening takes at once: all sections as read and as stored; then, one after the other, those still stored, what the
+/// ones before say, and one of them unpacked.
+fn opening_bytes(records: &[SectionRecord; 4]) -> u64 {
+    let sum = |lengths: &mut dyn Iterator<Item = u64>| lengths.fold(0, u64::saturating_add);
+    let stored_from = |step: usize| sum(&mut OPENING_ORDER[step..].iter().map(|&i| records[i].stored_length));
+    let step = |step: usize| {
+        let index = OPENING_ORDER[step];
+        let is_gradual = index == MESH_SECTION && zstandard::IS_GRADUAL;
+        let unpacked = if is_gradual { 0 } else { records[index].raw_length };
+        let says = sum(&mut OPENING_ORDER[..=step].iter().map(|&i| records[i].raw_length));
+        stored_from(step).saturating_add(unpacked).saturating_add(says)
+    };
+    (0..OPENING_ORDER.len()).map(step).max().unwrap_or(0).max(stored_from(0).saturating_mul(2))
+}
+
+/// That what is stored is as it was written.
+fn check_stored(path: &Path, section: &str, record: &SectionRecord, stored: &[u8]) -> Result<()> {
+    if xxh3_64(stored) == record.checksum {
+        return Ok(());
+    }
+    Err(damaged(path, format!("its {section} section has a wrong checksum; copy or bake it anew")))
 }
 
 fn unpack_section(
@@ -308,12 +347,7 @@ fn unpack_section(
     record: &SectionRecord,
     stored: &[u8],
 ) -> Result<Vec<u8>> {
-    if xxh3_64(stored) != record.checksum {
-        return Err(damaged(
-            path,
-            format!("its {section} section has a wrong checksum; copy or bake it anew"),
-        ));
-    }
+    check_stored(path, section, record, stored)?;
     let unpacked = zstandard::unpack_exactly(stored, record.raw_length, MAX_WINDOW_LOG);
     unpacked.ok_or_else(|| packing_error(path, section, record))
 }
@@ -385,8 +419,18 @@ mod tests {
             let options = input::ReadOptions { memory_bytes, ..input::ReadOptions::default() };
             input::ReadLimits::new(options).run(|| Sections::read(&source, &slot).map(drop))
         };
-        assert!(read(4 * 1100 + 1000).is_ok());
-        let error = read(4 * 1100 + 999).unwrap_err();
+        // The last one as stored and unpacked, and what all say.
+        assert!(read(100 + 1000 + 4000).is_ok());
+        let error = read(100 + 1000 + 3999).unwrap_err();
         assert_eq!(error.kind(), fantex_base::ErrorKind::TooLarge, "{error}");
+    }
+
+    #[test]
+    fn a_large_mesh_counts_once_beside_what_is_stored() {
+        let record = |raw_length| SectionRecord { offset: 0, stored_length: 100, raw_length, checksum: 0 };
+        let records = [10, 500, 10_000, 10].map(record);
+        assert_eq!(opening_bytes(&records), 10_000 + 10 + 2 * 500 + 200);
+        let records = [10, 10, 10_000, 10].map(record);
+        assert_eq!(opening_bytes(&records), 10_000 + 10 + 300);
     }
 }

@@ -162,8 +162,9 @@ fn encode_name(name: &str, out: &mut ByteWriter) {
 
 fn decode_name(kind: &str, index: usize, input: &mut ByteReader<'_>) -> Result<String> {
     let length = input.count(MAX_NAME_BYTES, "bytes in a name")?;
-    let name = std::str::from_utf8(input.take(length, "a name")?);
-    name.map(str::to_owned)
+    let name = input.take(length, "a name")?;
+    std::str::from_utf8(&name)
+        .map(str::to_owned)
         .map_err(|_| Error::malformed(format!("the name of {kind} {index} is not valid UTF-8")))
 }
 
@@ -200,8 +201,7 @@ fn encode_toon(scale: &ToonScale, out: &mut ByteWriter) {
     }
 }
 
-pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
-    let mut input = ByteReader::new(bytes);
+pub(crate) fn decode(mut input: ByteReader<'_>) -> Result<Mesh> {
     let triangle_limit = MAX_TRIANGLES;
     let vertices = input.count(3 * triangle_limit, "vertices")?;
     let triangles = input.count(triangle_limit, "triangles")?;
@@ -331,6 +331,6 @@ mod tests {
         // After the counts and the place, triangles, positions and normals.
         let at = 52 + 4 * (3 + 9 + 9);
         bytes.splice(at..at, section.bytes);
-        assert_eq!(decode(&bytes).unwrap().corners.colors, colors);
+        assert_eq!(decode(ByteReader::new(&bytes)).unwrap().corners.colors, colors);
     }
 }

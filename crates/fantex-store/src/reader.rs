@@ -17,7 +17,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::decode::StoredTexels;
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
 use crate::error::{damaged, no_such_page};
-use crate::header::{SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
+use crate::header::{MESH_SECTION, SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
     ByteSource, BytesSource, Channel, ChannelKind, PageId, TexelFormat, channel, cover_section, mesh_section,
@@ -94,13 +94,13 @@ impl Asset {
     /// As [`open`](Self::open).
     pub fn open_source(source: Arc<dyn ByteSource>) -> Result<Self> {
         let (slot, damaged_headers) = read_slot(&*source)?;
-        let sections = Sections::read(&*source, &slot)?;
+        let mut sections = Sections::read(&*source, &slot)?;
         let content = |section: usize| {
             let source = &*source;
             move |error: Error| content_error(source, SECTION_NAMES[section], &error)
         };
         let channels = channel::decode_channels(&sections.unpack(0)?).map_err(content(0))?;
-        let mesh = mesh_section::decode(&sections.unpack(2)?).map_err(content(2))?;
+        let mesh = sections.decode(MESH_SECTION, mesh_section::decode)?.map_err(content(MESH_SECTION))?;
         let cover = cover_section::decode(&sections.unpack(1)?, &mesh.triangles).map_err(content(1))?;
         let cover = Cover { hard_edges: slot.hard_edges, ..cover };
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();

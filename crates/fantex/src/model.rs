@@ -4,9 +4,10 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use fantex_bake::{NoProgress, Progress};
 use fantex_base::{Error, Result};
 use fantex_mesh::{
-    CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_traced, load, simplified,
+    CleanOptions, CleanReport, CornerOrigins, LoadOptions, Model, clean_watched, load_watched, simplified,
 };
 
 use crate::baker::materials::{says_something, without_tiles};
@@ -24,7 +25,12 @@ pub struct Mesh {
     notes: Vec<String>,
     load_time: Duration,
     clean_time: Duration,
+    /// Of the asset that it is the mesh of: see [`Baker::hard_edges`](crate::Baker::hard_edges).
+    hard_edges: Option<f32>,
 }
+
+/// Reading smaller files takes no time worth telling.
+const LONG_BYTES: u64 = 4 << 20;
 
 impl Mesh {
     /// Reads a model (`.glb .gltf .obj .ply .stl`) and cleans it.
@@ -40,11 +46,25 @@ impl Mesh {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn load_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::load_watched(path, options, &NoProgress)
+    }
+
+    /// As [`load_with`](Self::load_with). `progress` hears of files that take a while, first bytes of their length, then of "cleaning".
+    ///
+    /// # Errors
+    /// As [`load`](Self::load). It cannot be ended.
+    pub fn load_watched(
+        path: impl AsRef<Path>,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let path = path.as_ref();
+        let is_long = path.metadata().is_ok_and(|found| found.len() >= LONG_BYTES);
+        let progress = if is_long { progress } else { &NoProgress };
         let started = Instant::now();
-        let model = load(path, &LoadOptions::default())?;
+        let model = load_watched(path, &LoadOptions::default(), &|done, total| progress.report(done, total))?;
         let load_time = started.elapsed();
-        let mesh = Self::from_model_with(model, path, options)?;
+        let mesh = Self::cleaned(model, path, options, progress)?;
         Ok(Self { load_time, ..mesh })
     }
 
@@ -60,21 +80,32 @@ impl Mesh {
     ///
     /// # Errors
     /// As [`from_model`](Self::from_model).
-    pub fn from_model_with(mut model: Model, path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+    pub fn from_model_with(model: Model, path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::cleaned(model, path.as_ref(), options, &NoProgress)
+    }
+
+    fn cleaned(
+        mut model: Model,
+        path: &Path,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let started = Instant::now();
         // Errors name the file as it was given.
-        model.name = path.as_ref().display().to_string();
+        model.name = path.display().to_string();
         let mut notes = model.notes.clone();
-        let (mesh, report, origins) = clean_traced(model, options)?;
+        let (mesh, report, origins) =
+            clean_watched(model, options, &|share| progress.prepare("cleaning", share))?;
         notes.extend(report.lines());
         Ok(Self {
             mesh,
-            path: path.as_ref().into(),
+            path: path.into(),
             report,
             origins,
             notes,
             load_time: Duration::ZERO,
             clean_time: started.elapsed(),
+            hard_edges: None,
         })
     }
 
@@ -100,6 +131,18 @@ impl Mesh {
     /// # Errors
     /// As [`open`](Self::open); an asset, whose mesh was cleaned before it was baked, is not cleaned again.
     pub fn open_with(path: impl AsRef<Path>, options: &CleanOptions) -> Result<Self> {
+        Self::open_watched(path, options, &NoProgress)
+    }
+
+    /// As [`open_with`](Self::open_with); of models `progress` hears as of [`load_watched`](Self::load_watched).
+    ///
+    /// # Errors
+    /// As [`open_with`](Self::open_with).
+    pub fn open_watched(
+        path: impl AsRef<Path>,
+        options: &CleanOptions,
+        progress: &dyn Progress,
+    ) -> Result<Self> {
         let path = path.as_ref();
         match FileKind::of(path)? {
             FileKind::Asset if *options != CleanOptions::default() => Err(Error::invalid(format!(
@@ -108,7 +151,7 @@ impl Mesh {
             ))),
             FileKind::Asset => Ok(Self::of_asset(&Asset::open(path)?)),
             FileKind::World => Err(FileKind::world_instead(path)),
-            FileKind::Model | FileKind::Look => Self::load_with(path, options),
+            FileKind::Model | FileKind::Look => Self::load_watched(path, options, progress),
         }
     }
 
@@ -126,6 +169,7 @@ impl Mesh {
             notes: Vec::new(),
             load_time: Duration::ZERO,
             clean_time: Duration::ZERO,
+            hard_edges: asset.cover().hard_edges,
         }
     }
 
@@ -136,6 +180,11 @@ impl Mesh {
     /// Nothing is left at so few triangles.
     pub fn simplified(&self, triangles: usize) -> Result<Self> {
         Self::from_model(simplified(&self.mesh, triangles)?, &self.path)
+    }
+
+    /// The angle of the hard edges of the asset that it is [the mesh of](Self::of_asset).
+    pub(crate) fn hard_edges(&self) -> Option<f32> {
+        self.hard_edges
     }
 
     /// What cleaning did, and the topology of the result.
@@ -166,6 +215,14 @@ impl Mesh {
     /// How long cleaning took.
     pub fn clean_time(&self) -> Duration {
         self.clean_time
+    }
+
+    /// The same with materials that all take alpha so: see [`set_alpha_mode`](fantex_mesh::Mesh::set_alpha_mode).
+    #[must_use]
+    pub fn with_alpha_mode(&self, alpha: fantex_mesh::AlphaMode) -> Self {
+        let mut mesh = self.clone();
+        mesh.mesh.set_alpha_mode(alpha);
+        mesh
     }
 
     /// The geometry alone.

@@ -122,8 +122,12 @@ impl Preview {
         let detail = AssetSource::new(&PageCache::new(Arc::clone(asset), cache_bytes));
         let folder = scratch_folder()?;
         let path = folder.path().join("preview.fan");
-        let texels = options.texels_for(asset);
-        let texels = write_coarse((coarse, texels), (asset.mesh(), &detail), options, &path, progress)?;
+        let shape = CoarseShape {
+            mesh: coarse,
+            texels: options.texels_for(asset),
+            hard_edges: asset.cover().hard_edges,
+        };
+        let texels = write_coarse(&shape, (asset.mesh(), &detail), options, &path, progress)?;
         let bytes = std::fs::read(&path).map_err(|error| Error::reading(&path, error))?;
         Ok(Self { bytes, triangles: coarse.triangles.len() as u64, texels, damage: detail.damage() })
     }
@@ -230,10 +234,20 @@ impl Preview {
     }
 }
 
-/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given, with about so many texels per channel. Returns how
-/// many it has. Bakes take half of the memory that the options allow; of `progress` only cancellation counts.
+/// The mesh of a coarse asset, and how it is covered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CoarseShape<'a> {
+    pub(crate) mesh: &'a Mesh,
+    /// Per channel, about.
+    pub(crate) texels: u64,
+    /// As of what it looks like: see [`CoverOptions::hard_edges`].
+    pub(crate) hard_edges: Option<f32>,
+}
+
+/// Writes the asset of a coarse mesh that looks like a fine one, of which a source is given. Returns how many texels it has. Bakes take half of the
+/// memory that the options allow; of `progress` only cancellation counts.
 pub(crate) fn write_coarse(
-    (coarse, texels): (&Mesh, u64),
+    &CoarseShape { mesh: coarse, texels, hard_edges }: &CoarseShape<'_>,
     (fine, detail): (&Mesh, &dyn Source),
     options: &PreviewOptions,
     path: &Path,
@@ -241,7 +255,7 @@ pub(crate) fn write_coarse(
 ) -> Result<u64> {
     let source = TransferSource::new(coarse, fine, Some(detail), &TransferOptions::default())?;
     let budget = TexelBudget::Total(texels);
-    let cover_options = CoverOptions { budget, ..CoverOptions::default() };
+    let cover_options = CoverOptions { budget, hard_edges, ..CoverOptions::default() };
     let (cover, _) = build_cover_while(coarse, &cover_options, &|_| !progress.is_cancelled())?;
     let bake_options = BakeOptions {
         memory_bytes: options.memory_bytes / 2,

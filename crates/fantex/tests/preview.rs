@@ -305,6 +305,23 @@ fn a_preview_that_cannot_be_changed_keeps_the_asset_as_it_is() {
     assert_eq!(painter.history().done().len(), 2);
 }
 
+/// What jumps there would be smeared otherwise.
+#[test]
+fn the_mesh_of_an_asset_keeps_its_hard_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, again] = ["a.fan", "b.fan"].map(|name| folder.path().join(name));
+    let positions = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+    let mesh = Mesh::from_triangles(&positions, &[[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]).unwrap();
+    let solid = || Source::solid("marble");
+    Baker::new(&mesh).texels(5000).source(solid()).hard_edges(60.0).write(&path).unwrap();
+    let mesh = Mesh::open(&path).unwrap();
+    for (source, asked, expected) in [(Source::mesh(&path), None, 60.0), (solid(), Some(150.0), 150.0)] {
+        let baker = Baker::new(&mesh).texels(9000).source(source).overwrite(true);
+        asked.into_iter().fold(baker, Baker::hard_edges).write(&again).unwrap();
+        assert_eq!(Asset::open(&again).unwrap().cover().hard_edges, Some(expected));
+    }
+}
+
 #[test]
 fn an_asset_is_a_source_for_another_mesh() {
     let folder = tempfile::tempdir().unwrap();

@@ -204,6 +204,31 @@ fn sectors_may_meet_at_hard_edges() {
     }
 }
 
+fn preview_angles(split: &Sectors) -> Vec<Option<f32>> {
+    split.sectors.iter().map(|sector| preview_of(sector).cover().hard_edges).collect()
+}
+
+fn coarse_angles(split: &Sectors, folder: &Path) -> Vec<Option<f32>> {
+    let open = |name: &String| Asset::open(&folder.join(name)).unwrap();
+    split.world.coarse.iter().map(|coarse| open(&coarse.asset).cover().hard_edges).collect()
+}
+
+/// What is seen from afar is cut as what is seen from nearby.
+#[test]
+fn previews_and_coarse_assets_have_the_hard_edges_of_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("whole.fan");
+    let model = fantex::Mesh::from_model(cube(12), "whole.ply").unwrap();
+    let baker = Baker::new(&model).texels(5000).source(Source::solid("marble")).hard_edges(60.0);
+    baker.longest_edge(fantex::LongestEdge::Texels(0)).write(&path).unwrap();
+    let options = SplitOptions { triangles: 100, ..SplitOptions::default() };
+    let folder = folder.path().join("world");
+    let split = split_into(&Asset::open(&path).unwrap(), &folder, &options);
+    for angles in [preview_angles(&split), coarse_angles(&split, &folder)] {
+        assert!(!angles.is_empty() && angles.iter().all(|&angle| angle == Some(60.0)), "{angles:?}");
+    }
+}
+
 #[test]
 fn previews_of_a_closed_surface_have_the_borders_of_their_sectors() {
     let folder = tempfile::tempdir().unwrap();

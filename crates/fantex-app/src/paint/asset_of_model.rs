@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::base::files::{folder_of, persist, temporary_file};
+use fantex::base::files::{folder_of, followed, persist, temporary_file};
 use fantex::base::{Error, Result};
 use fantex::mesh::{LoadOptions, load};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeLog};
@@ -41,8 +41,8 @@ pub enum Question {
 pub enum Answer {
     /// Make an asset, where there is none.
     New(NewAsset),
-    /// Make a new one, which has the channels of the one that is there, too, and paint on it what was painted on that, which is kept
-    /// under another name.
+    /// Make a new one, which has the channels and the hard edges of the one that is there, too, and paint on it what was painted on that, which
+    /// is kept under another name.
     Replay(NewAsset),
     /// Paint on the one that is there, whatever it was made of.
     Keep,
@@ -148,7 +148,7 @@ fn replay_onto(
     // Nobody else is to paint on the old one meanwhile.
     let lock = WriterLock::acquire(path)?;
     let before = Asset::open(path)?;
-    let (log, new) = (StrokeLog::of(&before)?, new.clone().with_channels_of(&before));
+    let (log, new) = (StrokeLog::of(&before)?, new.clone().like(&before));
     drop(before);
     // In the same folder, from which the looks of its log are found.
     let made = temporary_file(path, ".fan").map_err(|source| Error::writing(path, source))?.into_temp_path();
@@ -160,16 +160,18 @@ fn replay_onto(
     painter.commit()?;
     drop(painter);
     progress.enter(Stage::Baking)?;
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let old = next_free(folder_of(path), &format!("{stem}-old"), "fan", &[]);
-    // With two names there is an asset at `path` at any time; some file systems know one name only.
-    std::fs::hard_link(path, &old)
-        .or_else(|_| std::fs::rename(path, &old))
+    // The file gets another name, not a link to it.
+    let place = followed(path);
+    let stem = place.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let old = next_free(folder_of(&place), &format!("{stem}-old"), "fan", &[]);
+    // With two names there is an asset at any time; some file systems know one name only.
+    std::fs::hard_link(&place, &old)
+        .or_else(|_| std::fs::rename(&place, &old))
         .map_err(|source| Error::writing(&old, source))?;
-    if let Err(error) = persist(made, path, true) {
-        if !path.exists() {
+    if let Err(error) = persist(made, &place, true) {
+        if !place.exists() {
             // As it was; where even that fails the old one is beside it under its other name.
-            std::fs::rename(&old, path).unwrap_or_default();
+            std::fs::rename(&old, &place).unwrap_or_default();
         }
         return Err(error);
     }

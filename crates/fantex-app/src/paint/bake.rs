@@ -33,16 +33,19 @@ pub struct NewAsset {
     pub emission: bool,
     pub normal: bool,
     pub height: bool,
+    /// Degrees from which on edges are hard: see [`Baker::hard_edges`].
+    pub hard_edges: Option<f32>,
 }
 
 impl NewAsset {
-    /// With the channels of an asset, too.
-    pub(super) fn with_channels_of(self, asset: &Asset) -> Self {
+    /// With the channels of an asset, too, and its hard edges unless others are chosen.
+    pub(super) fn like(self, asset: &Asset) -> Self {
         let has = |kind| asset.channel_of_kind(kind).is_some();
         Self {
             emission: self.emission || has(ChannelKind::Emission),
             normal: self.normal || has(ChannelKind::Normal),
             height: self.height || has(ChannelKind::Displacement),
+            hard_edges: self.hard_edges.or(asset.cover().hard_edges),
             ..self
         }
     }
@@ -84,6 +87,10 @@ pub fn bake_model(
     let baker = new.channels().fold(baker, |baker, (kind, value)| baker.channel(kind, value));
     let baker = match new.texels {
         Some(texels) => baker.texels(texels),
+        None => baker,
+    };
+    let baker = match new.hard_edges {
+        Some(degrees) => baker.hard_edges(degrees),
         None => baker,
     };
     Ok(baker.write(output)?.notes)

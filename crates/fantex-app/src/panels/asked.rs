@@ -138,6 +138,7 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
             );
             let own = if look.is_limited { "as its textures repeat" } else { "as it has" };
             texel_row(ui, &mut new.texels, look.texels, own);
+            hard_edges_row(ui, &mut new.hard_edges, "none, continuous everywhere");
             let has = |kind| look.channels.contains(&kind);
             row(ui, "Channels", |ui| {
                 ui.vertical(|ui| {
@@ -179,6 +180,7 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
             };
             ui.label(format!("{difference} The asset has {} strokes in its log.", grouped(*strokes as u64)));
             texel_row(ui, &mut new.texels, Some(*texels), "as it has");
+            hard_edges_row(ui, &mut new.hard_edges, "as the asset");
             ui.horizontal_wrapped(|ui| {
                 let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
                 if ui.button("Repeat the strokes on the new mesh").on_hover_text(tip).clicked() {
@@ -205,4 +207,13 @@ fn texel_row(ui: &mut Ui, texels: &mut Option<u64>, own: Option<u64>, why: &str)
     let others = MILLIONS.into_iter().filter(|&n| own.is_some() || n != 8);
     all.extend(others.map(|n| (Some(n * 1_000_000), format!("{n} million"))));
     row(ui, "Texels", |ui| choice(ui, "new texels", texels, &all));
+}
+
+/// `own`: what it means where no angle is chosen.
+fn hard_edges_row(ui: &mut Ui, degrees: &mut Option<f32>, own: &str) {
+    let mut all = vec![(None, own.to_owned())];
+    all.extend([30.0, 45.0, 60.0, 80.0].map(|angle| (Some(angle), format!("from {angle}° on"))));
+    let tip = "Cuts the texture at edges whose two triangles' normals differ by at least so much, so that flat faces are sharper up to their edges. \
+        It is not continuous across these.";
+    row(ui, "Hard edges", |ui| choice(ui, "new hard edges", degrees, &all).on_hover_text(tip));
 }

@@ -110,7 +110,7 @@ fn a_model_asks_how_it_becomes_an_asset() {
     assert!(*asset == path && look.channels.iter().all(|kind| channels.contains(kind)), "{question:?}");
     assert!(look.texels.is_none() && !look.is_limited, "{question:?}");
     assert!(!path.exists());
-    let new = NewAsset { texels: Some(30_000), height: true, ..NewAsset::default() };
+    let new = NewAsset { texels: Some(30_000), height: true, hard_edges: Some(70.0), ..NewAsset::default() };
     assert!(matches!(open(Some(Answer::New(new.clone()))).unwrap(), ForPainting::Ready(_)));
     let asset = Asset::open(&path).unwrap();
     assert!(asset.channel_of_kind(ChannelKind::Displacement).is_some());
@@ -146,8 +146,8 @@ fn a_model_asks_how_it_becomes_an_asset() {
     assert!(open(Some(Answer::Replay(new.clone()))).is_err());
     drop(other);
     assert_eq!((Asset::open(&path).unwrap().mesh().triangles.len(), files()), (576, before));
-    // It gets the old one's height.
-    let new = NewAsset { height: false, ..new };
+    // It gets the old one's height and hard edges.
+    let new = NewAsset { height: false, hard_edges: None, ..new };
     let Ok(ForPainting::Ready(ready)) = open(Some(Answer::Replay(new))) else { panic!("it is asked again") };
     assert_eq!(files(), before + 2, "the old asset and the new one's lock");
     let (document, painter) = *ready;
@@ -158,4 +158,5 @@ fn a_model_asks_how_it_becomes_an_asset() {
     let asset = painter.editor().asset();
     assert_eq!(StrokeLog::of(asset).unwrap().strokes.strokes.len(), 1);
     assert!(asset.channel_of_kind(ChannelKind::Displacement).is_some());
+    assert_eq!([asset.cover(), old.cover()].map(|cover| cover.hard_edges), [Some(70.0); 2]);
 }

@@ -315,7 +315,7 @@ fn with_job<T>(
     let started = Instant::now();
     args.encoding.check()?;
     // What is no asset, a plan or a damaged file, is named first.
-    let mesh = open_shape(&args.model, args.read)?;
+    let mesh = open_shape(&args.model, args.read, context)?;
     if args.look.is_none() && args.source.is_none() && FileKind::of(&args.model)? == FileKind::Asset {
         let model = args.model.display();
         return Err(Error::unsupported(format!(

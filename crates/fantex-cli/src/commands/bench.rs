@@ -174,7 +174,7 @@ struct FidelityInfo {
 }
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
-    let model = crate::scene::open_model(&args.model)?;
+    let model = crate::scene::open_model(&args.model, context)?;
     let tile = args.tile.unwrap_or(CoverOptions::default().tile);
     let progress = context.step("covering", "M texels");
     let LongestEdgeArg(longest_edge) = args.longest_edge;
@@ -394,7 +394,7 @@ impl Bench {
 
 fn open(args: &ModelArgs, context: &Context) -> Result<Mesh> {
     if let Some(path) = &args.model {
-        return crate::scene::open_model(path);
+        return crate::scene::open_model(path, context);
     }
     Mesh::from_model(open_model(args, context)?, "landscape")
 }

@@ -75,7 +75,7 @@ pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));
     let shipped = Shipped::open()?;
-    let bottle = open_model(&shipped.file(BOTTLE))?;
+    let bottle = open_model(&shipped.file(BOTTLE), context)?;
     context.make_folder(&folder)?;
     let mut demo = Demo {
         context,

@@ -278,7 +278,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let input = Input::open(args)?;
     context.check_output_of(&args.output, &args.asset)?;
-    let model = args.model.as_deref().map(open_model).transpose()?;
+    let model = args.model.as_deref().map(|path| open_model(path, context)).transpose()?;
     let options = ExportOptions {
         uv: match (&model, args.uv) {
             (Some(model), _) => UvChoice::OfModel(model),

@@ -284,7 +284,7 @@ struct PhotographsInfo {
 
 fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
-    let mesh = &open_model(&args.model)?;
+    let mesh = &open_model(&args.model, context)?;
     show_notes(mesh, context);
     let look = match &args.source {
         Some(source) => source.clone(),

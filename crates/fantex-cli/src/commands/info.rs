@@ -236,7 +236,7 @@ struct AssetInfo {
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     let of_covers = args.cover.given().or(args.read.weld.map(|_| "--weld"));
     let of_meshes = of_covers.or(args.picture.as_ref().map(|_| "--picture"));
-    match Input::open(&args.file, args.read)? {
+    match Input::open(&args.file, args.read, context)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) | Input::World(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",
@@ -364,7 +364,7 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
     let groups = cover.groups.len() as u64;
     let channel = |c: &fantex::store::Channel| ChannelInfo {
         kind: format!("{:?}", c.kind),
-        format: format!("{:?}", c.format),
+        format: c.format.to_string(),
         srgb: c.srgb,
     };
     Ok(AssetInfo {

@@ -79,7 +79,8 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     context.check_output_of(&args.output, &args.detailed)?;
     check_picture_name(&args.output, false)?;
     check_depth(args.depth, &args.output)?;
-    let [coarse, detailed] = [open_shape(&args.coarse, args.read)?, open_shape(&args.detailed, args.read)?];
+    let open = |path| open_shape(path, args.read, context);
+    let [coarse, detailed] = [open(&args.coarse)?, open(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {
         size: args.size,

@@ -10,7 +10,7 @@ use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::ChannelKind;
+use fantex::store::{ChannelKind, io_cause, is_disk_full};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -205,7 +205,10 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
             let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
             PaintInfo { output: (&args.asset).into(), ..info }
         }
-        None => paint(&args.asset, &strokes, args, context)?,
+        None => {
+            let painted = paint(&args.asset, &strokes, args, context);
+            painted.map_err(|error| without_room(error, &args.asset))?
+        }
         Some(output) => {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
@@ -244,6 +247,20 @@ fn open_window(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let mut arguments = vec!["--paint".into(), args.asset.clone().into()];
     arguments.extend(args.size.map(|[width, height]| format!("--size={width}x{height}").into()));
     view::start(&arguments, Some(context.memory_bytes), context)
+}
+
+/// That the disk is full, as somebody needs to know it whose changes are gone with this process; other errors as they are.
+fn without_room(error: Error, asset: &Path) -> Error {
+    match io_cause(&error).filter(|_| is_disk_full(&error)) {
+        Some(cause) => {
+            let asset_text = asset.display();
+            let sentence = format!(
+                "no space is left for {asset_text}: {cause}; nothing was painted, the asset is as it was"
+            );
+            Error::new(ErrorKind::Io, sentence).with_path(asset)
+        }
+        None => error,
+    }
 }
 
 fn missing(unrecorded: usize) -> String {

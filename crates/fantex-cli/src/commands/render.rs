@@ -449,7 +449,7 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) -> Result
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
-    let model = open_shape(path, ReadArgs::default())?;
+    let model = open_shape(path, ReadArgs::default(), context)?;
     show_notes(&model, context);
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }

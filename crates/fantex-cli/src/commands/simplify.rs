@@ -51,7 +51,7 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     check_model_name(&args.output)?;
     context.check_output_of(&args.output, &args.model)?;
-    let fine = open_shape(&args.model, args.read)?;
+    let fine = open_shape(&args.model, args.read, context)?;
     show_notes(&fine, context);
     let coarse = fine.simplified(usize::try_from(args.triangles.0).unwrap_or(usize::MAX))?;
     let positions: Vec<DVec3> = coarse.positions.iter().map(|&p| coarse.world_from_mesh.point(p)).collect();

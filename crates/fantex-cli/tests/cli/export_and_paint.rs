@@ -226,7 +226,18 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     assert!(done["dabs"].as_u64().unwrap() > 5);
     assert!(std::fs::read(&asset).unwrap() == before && std::fs::read(&painted).unwrap() != before);
     assert_eq!(json(&[&"verify", &painted])["ok"], true);
-    // In place.
+    // In place, and before that without room.
+    let full = std::process::Command::new("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_fantex"), "paint"])
+        .args([asset.as_os_str(), "--replay".as_ref(), at("strokes.json").as_os_str()])
+        .output()
+        .unwrap();
+    let said = stderr(&full);
+    assert!(
+        said.contains("nothing was painted, the asset is as it was") && !said.contains("commit"),
+        "{said}"
+    );
+    assert_eq!(json(&[&"info", &asset])["texels"], json(&[&"info", &painted])["texels"]);
     json(&[&"paint", &asset, &"--replay", &at("strokes.json")]);
     assert!(std::fs::read(&asset).unwrap() == std::fs::read(&painted).unwrap());
 

@@ -64,8 +64,21 @@ pub fn clean(model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)
 ///
 /// # Errors
 /// As [`clean`].
-pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport, CornerOrigins)> {
+pub fn clean_traced(model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport, CornerOrigins)> {
+    clean_watched(model, options, &|_| {})
+}
+
+/// As [`clean_traced`], and tells after each step which share of the work is done, about.
+///
+/// # Errors
+/// As [`clean`].
+pub fn clean_watched(
+    mut model: Model,
+    options: &CleanOptions,
+    watch: &dyn Fn(f32),
+) -> Result<(Mesh, CleanReport, CornerOrigins)> {
     check(&model)?;
+    watch(0.0);
     let mut surface = Surface::new(&mut model);
     let mut report = CleanReport {
         triangles_in: surface.triangles.len() as u64,
@@ -109,6 +122,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     model.positions = Vec::new();
 
     // Step 3: weld.
+    watch(0.1);
     let welded = if options.weld_distance > 0.0 {
         let distance = repeats::mesh_distance(options.weld_distance, world_from_mesh.scale);
         repeats::within(&positions, |v| used[v], distance)
@@ -120,6 +134,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     surface.weld(&welded, positions.len());
 
     // Step 4: drop triangles without area, then repeated ones.
+    watch(0.3);
     report.triangles_degenerate = surface.retain(|t| !exact::has_no_area(t.map(|v| positions[v as usize])));
     // A few triangles without area are in every scan.
     if report.triangles_degenerate > report.triangles_in / 8 {
@@ -138,6 +153,7 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
     report.vertices_isolated = report.vertices_in - report.vertices_welded - positions.len() as u64;
 
     // Step 6: make neighbours agree.
+    watch(0.4);
     let mut corners = VertexCorners::of(&surface.triangles, positions.len());
     report.topology = Topology::of(&surface.triangles, &corners);
     let mut turned = Vec::new();
@@ -163,10 +179,12 @@ pub fn clean_traced(mut model: Model, options: &CleanOptions) -> Result<(Mesh, C
         report.vertices_near = near.len() as u64;
         report.near_distance = 2.0 * f64::from(NEAR_SHARE) * world_from_mesh.scale;
     }
+    watch(0.9);
     let sources = surface.sources.take();
     let mut mesh = surface.into_mesh(model, positions, (sources.as_deref(), &turned), world_from_mesh);
     facing::reverse_opposed(&mut mesh, &turned);
     report.corner_values_non_finite = replace_unusable(&mut mesh.corners);
+    watch(1.0);
     Ok((mesh, report, CornerOrigins { sources, turned }))
 }
 

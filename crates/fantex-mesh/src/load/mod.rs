@@ -95,10 +95,18 @@ pub struct LoadOptions {
 /// What the file, the place in it and what was expected there are. A model without a single triangle
 /// is an error too.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
+    load_watched(path, options, &|_, _| {})
+}
+
+/// As [`load`], and tells now and then how many bytes of how many are understood. Of glTF only the beginning and the end are told.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_watched(path: &Path, options: &LoadOptions, watch: &dyn Fn(u64, u64)) -> Result<Model> {
     if path.is_dir() {
         return Err(about(path, ErrorKind::Unsupported, "is a folder; name a model file in it"));
     }
-    load_bytes(path, &read_file(path, &options.limits)?, options)
+    load_bytes_watched(path, &read_file(path, &options.limits)?, options, watch)
 }
 
 /// Loads a model whose file is in memory already. `path` is where it lies or would lie: its extension and folder count
@@ -107,8 +115,18 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
 /// # Errors
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model> {
+    load_bytes_watched(path, bytes, options, &|_, _| {})
+}
+
+fn load_bytes_watched(
+    path: &Path,
+    bytes: &[u8],
+    options: &LoadOptions,
+    watch: &dyn Fn(u64, u64),
+) -> Result<Model> {
     let (format, note) = detect(path, bytes)?;
-    let file = SourceFile { path, bytes, limits: options.limits };
+    let file = SourceFile { path, bytes, limits: options.limits, watch };
+    file.tell(0, bytes.len());
     let mut model = match format {
         ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, format)?,
         ModelFormat::Obj => obj::load(&file)?,
@@ -116,6 +134,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Mo
         ModelFormat::Stl => stl::load(&file)?,
     };
     finish(&mut model).map_err(|error| error.in_file(path))?;
+    file.tell(0, 0);
     if model.triangles.is_empty() {
         let positions = counted(model.positions.len(), "position");
         let notes = model.notes.join("; ");
@@ -134,9 +153,21 @@ pub(crate) struct SourceFile<'a> {
     pub(crate) path: &'a Path,
     pub(crate) bytes: &'a [u8],
     pub(crate) limits: LoadLimits,
+    pub(crate) watch: &'a dyn Fn(u64, u64),
 }
 
+/// Rows, lines or facets between two times that progress is told.
+const TOLD_EVERY: u64 = 1 << 16;
+
 impl SourceFile<'_> {
+    /// Tells that a row begins, of a given number, and so many bytes are left, now and then.
+    pub(crate) fn tell(&self, row: u64, left: usize) {
+        if row.is_multiple_of(TOLD_EVERY) {
+            let length = self.bytes.len() as u64;
+            (self.watch)(length.saturating_sub(left as u64), length);
+        }
+    }
+
     pub(crate) fn check_triangles(&self, count: usize) -> Result<()> {
         self.check("triangles", count, self.limits.max_triangles, TRIANGLE_BYTES)
     }

@@ -155,6 +155,7 @@ fn parse(file: &SourceFile) -> Result<ObjText> {
     let mut rest = file.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file.bytes);
     let line_end = line_end(rest);
     while !rest.is_empty() {
+        file.tell(parser.line as u64, rest.len());
         let (line, lines) = take_line(&mut rest, line_end);
         parser.read_line(&line).map_err(|error| at_line(error, parser.line, file.path))?;
         parser.line += lines;

@@ -542,6 +542,7 @@ impl<S: NumberSource> Rows<'_, S> {
         let count = if self.element.properties.is_empty() { 0 } else { self.element.count };
         (0..count).try_for_each(|row| {
             self.row = row;
+            self.file.tell(row, self.source.left() as usize);
             read(self)
         })
     }

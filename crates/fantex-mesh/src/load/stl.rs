@@ -89,7 +89,8 @@ fn read_binary(file: &SourceFile, facets: u32) -> Result<Model> {
     file.check_positions(3 * facets as usize)?;
     let mut positions = Vec::with_capacity(3 * facets as usize);
     let mut attributes = Vec::with_capacity(facets as usize);
-    for facet in body.chunks_exact(FACET_BYTES) {
+    for (row, facet) in body.chunks_exact(FACET_BYTES).enumerate() {
+        file.tell(row as u64, (facets as usize - row) * FACET_BYTES);
         // 12 bytes of normal, three corners of three floats, two bytes of attributes.
         let corners: [f32; 9] = bytemuck::pod_read_unaligned(&facet[12..48]);
         let corners = corners.map(|x| f64::from(f32::from_bits(u32::from_le(x.to_bits()))));
@@ -170,6 +171,7 @@ impl<'a> Ascii<'a> {
         let mut positions = Vec::new();
         while self.next_solid()? {
             while self.next_facet()? {
+                file.tell(positions.len() as u64 / 3, self.words.rest.len());
                 file.check_triangles(positions.len() / 3 + 1)?;
                 file.check_positions(positions.len() + 3)?;
                 positions.extend(self.facet_corners()?);

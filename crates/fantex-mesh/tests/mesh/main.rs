@@ -14,3 +14,4 @@ mod parts;
 mod readers;
 mod simplify;
 mod surface;
+mod watched;

@@ -195,7 +195,7 @@ class Asset:
     def info(self) -> dict:
         """``kind`` (``"asset"``), ``triangles``, ``vertices``, ``texels`` per channel, ``tiles``, detail ``levels``, ``bytes`` of the
         file, ``preview_bytes`` (None without a preview), ``hard_edges`` (the angle from which on edges were cut for the texture, or None), and
-        ``channels``, formats by name."""
+        ``channels``, formats (``bc7``, ``bc1``, ``bc5``, ``bc4``, ``rgba8``, ``rg8``, ``r8`` or ``float``) by name."""
         return self._native.figures()
 
     def nearest(self, points: Any) -> tuple:

@@ -122,6 +122,7 @@ def bake(
     match: bool = False,
     source: Union[Source, Function, None] = None,
     tile: Optional[int] = None,
+    alpha: Optional[str] = None,
     longest_edge: Union[int, str, None] = None,
     hard_edges: Optional[float] = None,
     weld: Optional[float] = None,
@@ -145,14 +146,16 @@ def bake(
         source: one of this package's sources, or a function of ``points`` ``(n, 3)`` float64 in the world and ``normals``
             ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``, greys ``(n,)``, or one colour for all: linear floats or
             sRGB ``uint8``. It is called from several threads, with blocks of points, and first with one point, which says whether there is
-            alpha (what that means says :meth:`Asset.paint`). By default the model's own materials or colours.
+            alpha (what is made of it says ``alpha``). By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
             and looks with baked light. The triangles of the asset are then not the model's; its vertices come first.
         hard_edges: cut the texture at edges whose two triangles' normals differ by at least so many degrees, 0 to 180; 60 finds
             those of a box. Models of flat faces are sharper by that, and the texture may jump there, by about a tile's own error.
-            By default it is continuous everywhere.
+            By default it is continuous everywhere; but the mesh of an asset keeps the hard edges of that.
+        alpha: what is made of the opacity of colours that a function, a solid, an image or vertices give: ``"opaque"``, ``"cut-out"``
+            (from a half on), ``"blend"``; by default what the mesh's materials say, which is ``"opaque"`` where it has none.
         weld: join vertices of the mesh that lie up to this far apart, world units; by default only those at the same place.
         format: ``bc7``, ``bc1``, ``rgba8`` or ``float``.
         fit: ``sharp``, ``point`` or ``box``: how texels are found from the source.
@@ -180,6 +183,7 @@ def bake(
         tile=tile,
         longest_edge=longest_edge,
         hard_edges=hard_edges,
+        alpha=alpha,
         weld=weld,
         format=format,
         fit=fit,
@@ -214,6 +218,7 @@ def bake_model(
     largest_side: int = 8192,
     padding: Optional[int] = None,
     uv: Any = "atlas",
+    alpha: Optional[str] = None,
     longest_edge: Union[int, str, None] = None,
     weld: Optional[float] = None,
     ktx2: bool = False,
@@ -226,7 +231,7 @@ def bake_model(
     :meth:`Asset.export` do, without an asset. Triangles stay whole unless ``longest_edge`` says otherwise.
 
     Args:
-        mesh, density, match, source, longest_edge, weld, memory, seed: as :func:`bake` takes them.
+        mesh, density, match, source, alpha, longest_edge, weld, memory, seed: as :func:`bake` takes them.
         path: ``.glb`` with its pictures inside, or ``.gltf`` with files beside it. All files appear at the end, or none.
         texels: of each picture, about; 4 million where nothing else says how many.
         resolution: side of the pictures, a power of two, instead.
@@ -252,6 +257,7 @@ def bake_model(
         resolution=resolution,
         tile=None,
         longest_edge=longest_edge,
+        alpha=alpha,
         weld=weld,
         seed=seed,
     )
@@ -291,6 +297,11 @@ def _options(**given: Any) -> Dict[str, Any]:
 
 def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> Any:
     """A source as the compiled part takes it. The cage of a mesh goes to the options."""
+    is_colored = callable(source) or isinstance(source, Source) and source._name in ("solid", "image", "vertex_colors")
+    if options.get("alpha") is not None and not is_colored:
+        raise ValueError(
+            "alpha= is for functions, solids, images and vertex colours; other sources say by their materials what is made of opacity"
+        )
     if source is None:
         return None
     if isinstance(source, Source):

@@ -251,6 +251,21 @@ class Mesh:
         return self._native.faces
 
     @property
+    def colors(self) -> Optional[np.ndarray]:
+        """``(m, 3, 4)`` float32: linear RGBA at the three corners of each face; None where there are none."""
+        return self._native.colors
+
+    @property
+    def normals(self) -> Optional[np.ndarray]:
+        """``(m, 3, 3)`` float32: unit normals at the three corners of each face; None where there are none, and shading finds them."""
+        return self._native.normals
+
+    @property
+    def uv(self) -> Optional[np.ndarray]:
+        """``(m, 3, 2)`` float32: texture coordinates at the three corners of each face, v upwards; None where there are none. Of several sets the first."""
+        return self._native.uv
+
+    @property
     def bounds(self) -> np.ndarray:
         """``(2, 3)`` float64: the corners of its box, world units."""
         return _bounds(self.positions)

@@ -61,6 +61,9 @@ class Mesh:
     positions: Doubles
     faces: Indices
     source_faces: Indices
+    colors: Optional[Floats]
+    normals: Optional[Floats]
+    uv: Optional[Floats]
     notes: List[str]
     has_materials: bool
     has_colors: bool

@@ -58,7 +58,7 @@ def bake(
         overwrite: replace an existing file.
         memory: bytes that texels in flight, images and photographs of one part may take.
         progress: called with ``(done, total)`` texels, whenever a part is done; what it raises ends the bake.
-        settings: ``texels``, ``density``, ``match``, ``tile``, ``longest_edge``, ``hard_edges``, ``weld``, ``format``, ``fit``,
+        settings: ``texels``, ``density``, ``match``, ``tile``, ``longest_edge``, ``hard_edges``, ``alpha``, ``weld``, ``format``, ``fit``,
             ``quality`` and ``seed`` of :func:`fantex.bake`.
 
     Raises:

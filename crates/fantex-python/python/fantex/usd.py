@@ -12,6 +12,7 @@ meshes as they are at rest. What is left out is noted.
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import re
 import sys
@@ -56,6 +57,10 @@ def write_glb(
         raise ValueError(f"{path}: a .glb file is written; name it so")
     if not overwrite and os.path.exists(path):
         raise FileExistsError(f"{path} exists; give overwrite=True to replace it")
+    # Reading takes long.
+    folder = os.path.dirname(os.path.realpath(path))
+    if not os.path.isdir(folder):
+        raise FileNotFoundError(errno.ENOENT, f"there is no folder {folder}", path)
     glb, notes = glb_of(stage, time, purposes, y_up=True)
     _write(path, glb)
     return notes

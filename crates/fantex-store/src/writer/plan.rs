@@ -95,7 +95,8 @@ impl Plan {
             let sentence = format!("{} is an asset, and no plan", path.display());
             return Err(Error::invalid(sentence).with_path(path));
         }
-        let sections = Sections::read(source, &slot)?;
+        let mut sections = Sections::read(source, &slot)?;
+        let _held = sections.reserve_unpacked()?;
         let [channels, cover, mesh, notes] = [0, 1, 2, 3].map(|index| sections.unpack(index));
         let (channel_bytes, cover_bytes, mesh_bytes, notes) = (channels?, cover?, mesh?, notes?);
         let wrong = |error: Error| damaged(path, error);
@@ -103,7 +104,7 @@ impl Plan {
         let encoders = rest.u64("the fingerprint of the block encoders").map_err(wrong)?;
         let recipe = Recipe::decode(&mut rest).map_err(wrong)?;
         let (noted, about) = notes.split_at(notes.len() - rest.remaining());
-        let mesh = mesh_section::decode(&mesh_bytes).map_err(wrong)?;
+        let mesh = mesh_section::decode(ByteReader::new(&mesh_bytes)).map_err(wrong)?;
         let cover = cover_section::decode(&cover_bytes, &mesh.triangles).map_err(wrong)?;
         let cover = Cover { hard_edges: slot.hard_edges, ..cover };
         let channels = channel::decode_channels(&channel_bytes).map_err(wrong)?;

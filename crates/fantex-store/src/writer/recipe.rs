@@ -114,7 +114,7 @@ impl Recipe {
         let mut entries = BTreeSet::new();
         for _ in 0..input.u32("the recipe")? {
             let length = input.u32("the recipe")? as usize;
-            let name = String::from_utf8_lossy(input.take(length, "the recipe")?).into_owned();
+            let name = String::from_utf8_lossy(&input.take(length, "the recipe")?).into_owned();
             let digest = [input.u64("the recipe")?, input.u64("the recipe")?].map(u128::from);
             entries.insert((name, digest[0] | digest[1] << 64));
         }

@@ -4,8 +4,8 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use fantex_base::{ErrorKind, Random};
-use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
+use fantex_base::{ErrorKind, Random, ReadLimits, ReadOptions};
+use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, UnfoldedCorners, build_cover};
 use fantex_mesh::{CleanOptions, Material, Mesh, ToonInterpolation, ToonScale, clean, generate};
 use fantex_store::{
     Asset, AssetEditor, AssetWriter, ByteSource, Channel, CreateOptions, EditOptions, PageId, Quality,
@@ -596,4 +596,28 @@ fn the_angle_of_hard_edges_stays() {
         let error = Asset::open(&path).unwrap_err().to_string();
         assert!(error.contains("an angle of 0 to 180 degrees"), "{error}");
     }
+}
+
+/// A scan with normals: loading the model takes 64 bytes per triangle and its file, of 25 more, at least.
+#[test]
+fn what_was_baked_within_a_memory_opens_within_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let mut mesh = tetrahedron();
+    mesh.triangles = mesh.triangles.repeat(5000);
+    let mut random = Random::new(7);
+    let mut normal = || Vec3::from([0; 3].map(|_| random.unit() as f32 - 0.5)).normalize();
+    mesh.corners.normals = (0..3 * mesh.triangles.len()).map(|_| normal()).collect();
+    let mut cover = fan_cover(&mesh, |_| [4, 4]);
+    cover.groups.iter_mut().for_each(|group| group.kind = GroupKind::Projected);
+    cover.unfolded = UnfoldedCorners::default();
+    write(&path, &mesh, &cover, &block_channels(), 100).unwrap();
+    let open = |bytes_per_triangle: usize| {
+        let memory_bytes = (bytes_per_triangle * mesh.triangles.len()) as u64;
+        let limits = ReadLimits::new(ReadOptions { memory_bytes, ..ReadOptions::default() });
+        limits.run(|| Asset::open(&path))
+    };
+    assert_eq!(open(89).unwrap().mesh(), &mesh);
+    // The mesh itself, and what is stored.
+    assert_eq!(open(60).unwrap_err().kind(), ErrorKind::TooLarge);
 }

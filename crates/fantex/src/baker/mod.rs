@@ -161,7 +161,7 @@ impl<'a> Baker<'a> {
 
     /// Cuts the texture at edges whose two triangles' normals differ by at least so many degrees, 0 to 180: no tile lies across one, and the
     /// texture function may jump there, by about a tile's own error. Textures of boxes, terraces and machines, which are smooth in space, are sharper by that.
-    /// By default none are cut, and the function is continuous everywhere.
+    /// By default none are cut, and the function is continuous everywhere; but the mesh of an asset keeps the hard edges of that.
     pub fn hard_edges(self, degrees: f32) -> Self {
         Self { hard_edges: Some(degrees), ..self }
     }
@@ -509,12 +509,12 @@ impl<'a> Baker<'a> {
         own_density: Option<&OwnDensity>,
     ) -> Result<Cow<'m, fantex_mesh::Mesh>> {
         let options = self.cover_options(self.nominal_budget(mesh, own_density));
-        self.hard_edges.map_or(Ok(()), check_hard_edges)?;
+        options.hard_edges.map_or(Ok(()), check_hard_edges)?;
         self.progress.covering(|goes_on| cuts.refined_while(mesh, &options, goes_on))
     }
 
     fn cover_options(&self, budget: TexelBudget) -> CoverOptions {
-        let Self { tile, hard_edges, .. } = *self;
+        let (tile, hard_edges) = (self.tile, self.hard_edges.or(self.mesh.hard_edges()));
         CoverOptions { budget, tile, hard_edges, ..CoverOptions::default() }
     }
 

@@ -94,7 +94,7 @@ impl Gallery<'_> {
 
 /// The three figures that explain a cover.
 fn cover(gallery: &Gallery<'_>) -> Pictures {
-    let mesh = open_model(&gallery.shipped.file("assets/models/spot.obj"))?;
+    let mesh = open_model(&gallery.shipped.file("assets/models/spot.obj"), gallery.context)?;
     let options =
         CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
@@ -208,7 +208,7 @@ fn gouraud(gallery: &Gallery<'_>) -> Pictures {
 
 /// How a point's value is found: its place in its triangle, the tiles that answer there, their blend.
 fn evaluation(gallery: &Gallery<'_>) -> Pictures {
-    let mesh = open_model(&gallery.shipped.file("assets/models/suzanne.ply"))?;
+    let mesh = open_model(&gallery.shipped.file("assets/models/suzanne.ply"), gallery.context)?;
     let options = CoverOptions { budget: TexelBudget::Total(100_000), tile: 0, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = group_colors(&cover);
@@ -260,7 +260,7 @@ fn environments(gallery: &Gallery<'_>) -> Pictures {
 
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(gallery: &Gallery<'_>) -> Pictures {
-    let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"))?;
+    let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"), gallery.context)?;
     let budget = TexelBudget::Total(50_000);
     let options = CoverOptions { budget, cut_creases: true, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;

@@ -20,7 +20,7 @@ use glam::{Vec3, Vec4};
 
 use super::joined::{FirstTriangles, JoinedMesh};
 use crate::baker::channels::{AssetChannels, asset_source};
-use crate::preview::write_coarse;
+use crate::preview::{CoarseShape, write_coarse};
 use crate::{PreviewOptions, WorldCoarse};
 
 /// A position in a mesh space, to the last bit; both zeros are the same.
@@ -126,6 +126,7 @@ pub(crate) struct FinerSurface {
     triangles: Option<Vec<u32>>,
     parts: Vec<AssetChannels>,
     channels: Vec<SourceChannel>,
+    hard_edges: Option<f32>,
 }
 
 impl FinerSurface {
@@ -149,7 +150,7 @@ impl FinerSurface {
         let channels = common_channels(&sources);
         let part = |(source, asset)| AssetChannels::of_asset(source, asset, channels.clone());
         let parts = sources.into_iter().zip(assets).map(part).collect();
-        Self { mesh, firsts, triangles, parts, channels }
+        Self { mesh, firsts, triangles, parts, channels, hard_edges: common_hard_edges(assets) }
     }
 
     /// The surface.
@@ -170,13 +171,19 @@ impl FinerSurface {
     /// As [`Preview::of`](crate::Preview::of); the file cannot be written, or is there.
     pub(crate) fn write_coarse(
         &self,
-        coarse: (&Mesh, u64),
+        (coarse, texels): (&Mesh, u64),
         options: &PreviewOptions,
         path: &Path,
         progress: &dyn Progress,
     ) -> Result<()> {
-        write_coarse(coarse, (&self.mesh, self), options, path, progress).map(drop)
+        let shape = CoarseShape { mesh: coarse, texels, hard_edges: self.hard_edges };
+        write_coarse(&shape, (&self.mesh, self), options, path, progress).map(drop)
     }
+}
+
+/// The angle from which on edges are hard that are so in each of some assets; none where one of them is to be continuous everywhere.
+fn common_hard_edges(assets: &[Arc<Asset>]) -> Option<f32> {
+    assets.iter().map(|asset| asset.cover().hard_edges).reduce(|a, b| Some(a?.max(b?))).flatten()
 }
 
 impl Source for FinerSurface {

@@ -26,7 +26,7 @@ const SIZE: [u32; 2] = [960, 720];
 const FRAME: u32 = 6;
 
 pub(super) fn steps(gallery: &Gallery<'_>) -> Pictures {
-    let mesh = open_model(&gallery.shipped.file("assets/models/suzanne.ply"))?;
+    let mesh = open_model(&gallery.shipped.file("assets/models/suzanne.ply"), gallery.context)?;
     let options = CoverOptions { budget: TexelBudget::Total(600_000), tile: 0, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let bricks = solid_by_name("brick", ObjectSpace::of(&mesh).bounds(), 0)?;
