@@ -209,7 +209,7 @@ fn preview_angles(split: &Sectors) -> Vec<Option<f32>> {
 }
 
 fn coarse_angles(split: &Sectors, folder: &Path) -> Vec<Option<f32>> {
-    let open = |name: &String| Asset::open(&folder.join(name)).unwrap();
+    let open = |name: &String| Asset::open(folder.join(name)).unwrap();
     split.world.coarse.iter().map(|coarse| open(&coarse.asset).cover().hard_edges).collect()
 }
 

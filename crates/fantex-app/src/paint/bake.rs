@@ -110,7 +110,8 @@ mod tests {
         let path = asset_beside(&folder.path().join("torus.ply"));
         assert!(path.ends_with("torus.fan"));
         let mesh = Mesh::from_model(torus(24, 12), "torus").unwrap();
-        let new = NewAsset { texels: Some(20_000), emission: true, normal: true, height: true };
+        let new =
+            NewAsset { texels: Some(20_000), emission: true, normal: true, height: true, hard_edges: None };
         bake_model(&mesh, &new, &path, &NoProgress).unwrap();
         let asset = Asset::open(&path).unwrap();
         let kinds: Vec<_> = asset.channels().iter().map(|channel| channel.kind).collect();
