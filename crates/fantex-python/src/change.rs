@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fantex::addresses::{change, change_copy, check_is_path};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::store::MOST_GAPS;
 use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -57,6 +58,10 @@ pub(crate) fn paint(
                 return Err(Error::cancelled("painting was ended; nothing was painted"));
             }
             painter.commit()?;
+            if !options.history {
+                // What was painted is there without that, too.
+                painter.close_gaps(MOST_GAPS).unwrap_or_default();
+            }
             Ok(summary)
         };
         let strokes = file.as_ref().map(|(file, _)| file).or(log.as_ref().map(|log| &log.strokes));

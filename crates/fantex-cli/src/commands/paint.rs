@@ -10,7 +10,7 @@ use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::{ChannelKind, io_cause, is_disk_full};
+use fantex::store::{ChannelKind, MOST_GAPS, MOST_GAPS_COPIED, io_cause, is_disk_full};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -67,13 +67,13 @@ pub(crate) struct PaintArgs {
     /// What all materials of the asset make of the opacity of the base colour
     #[arg(long, value_name = "MODE", value_parser = one_of(&ALPHA_MODES), conflicts_with = "export_log")]
     alpha: Option<AlphaMode>,
-    /// The asset to write; without it the given one is changed. A window paints on the given one alone
+    /// The asset to write; without it the given one is changed. Space that is free in the given file is not copied. A window paints on the given one alone
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel", "remove_channel", "alpha"])]
     size: Option<[u32; 2]>,
-    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones; not in a window
+    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones; a file of which more than half is free then is written anew, without gaps. Not in a window
     #[arg(long, conflicts_with = "export_log")]
     no_history: bool,
 }
@@ -293,8 +293,22 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
     report_damage(&args.asset, painter.damage(), context)?;
-    let _deferral = context.defer_interrupt();
-    let committed = painter.commit()?;
+    {
+        let _deferral = context.defer_interrupt();
+        painter.commit()?;
+    }
+    if args.no_history && !context.is_interrupted() {
+        if asset == args.asset {
+            context.set_remains("the strokes were painted".to_owned());
+        }
+        let most = if args.output.is_some() { MOST_GAPS_COPIED } else { MOST_GAPS };
+        // What was painted is there without that, too.
+        if let Err(error) = painter.close_gaps(most) {
+            let why = io_cause(&error).map_or_else(|| error.to_string(), ToString::to_string);
+            context.note(format!("{} keeps the space that is free in it: {why}", args.asset.display()));
+        }
+    }
+    let committed = painter.editor().asset();
     Ok(PaintInfo {
         output: asset.into(),
         strokes: summary.strokes,
@@ -304,8 +318,8 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         unrecorded: summary.unrecorded,
         missing_characters: summary.missing_characters,
         untouching: summary.untouching,
-        generation: committed.generation,
-        bytes: committed.file_bytes,
+        generation: committed.generation(),
+        bytes: committed.file_bytes(),
         seconds: 0.0,
     })
 }

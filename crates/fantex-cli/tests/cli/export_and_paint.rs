@@ -259,6 +259,31 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
 }
 
+/// Space that painting leaves behind is not copied, and comes back where what undoes strokes is forgotten.
+#[test]
+fn free_space_is_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("strokes.json"), STROKES).unwrap();
+    std::fs::write(at("broad.json"), STROKES.replace("30", "600")).unwrap();
+    let [asset, other, copy] = ["a.fan", "other.fan", "copy.fan"].map(at);
+    json(&[&"bake", &at("model.obj"), &"-o", &asset, &"--source", &"solid=wood", &"--texels", &"60k"]);
+    let bytes = |done: &serde_json::Value| done["bytes"].as_u64().unwrap();
+    let painted = bytes(&json(&[&"paint", &asset, &"--replay", &at("broad.json")]));
+    std::fs::copy(&asset, &other).unwrap();
+    let in_place = bytes(&json(&[&"paint", &other, &"--replay", &at("strokes.json")]));
+    let copied = bytes(&json(&[&"paint", &asset, &"--replay", &at("strokes.json"), &"-o", &copy]));
+    assert!(copied < in_place, "{copied} {in_place}");
+    assert_eq!(std::fs::metadata(&asset).unwrap().len(), painted, "the asset itself stays");
+    let forgotten = json(&[&"paint", &asset, &"--replay", &at("strokes.json"), &"--no-history"]);
+    assert!(2 * bytes(&forgotten) < in_place, "{forgotten} {in_place}");
+    for path in [&asset, &copy] {
+        assert_eq!(json(&[&"verify", path])["ok"], true);
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
+}
+
 /// Channels that are added, and tools that read the surface, make what was before them durable: not in the asset before all is done.
 #[test]
 fn strokes_that_fail_in_the_middle_leave_the_asset_as_it_was() {

@@ -204,6 +204,29 @@ fn strokes_without_a_history_forget_the_one_before() {
     assert!(!painter.editor().attachment_names().iter().any(|name| name.starts_with("history/")));
 }
 
+/// The painter goes on in the file that is written anew.
+#[test]
+fn space_of_a_forgotten_history_is_given_back() {
+    let baked = ball(80_000, BakeFormat::Bc7);
+    drop(start(&baked));
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    let line = stroke(painter.surface(), 40.0, &LINE);
+    paint_stroke(&mut painter, red(0.6), &line);
+    assert!(!painter.close_gaps(1.0).unwrap() && !painter.editor().has_changes());
+    let (before, bytes) = (contents(&painter), std::fs::metadata(&baked.path).unwrap().len());
+    assert!(painter.close_gaps(0.01).unwrap());
+    let closed = std::fs::metadata(&baked.path).unwrap().len();
+    assert!(closed < bytes && contents(&painter) == before, "{bytes} {closed}");
+    assert!(!painter.close_gaps(painter.editor().asset().gap_share()).unwrap());
+    paint_stroke(&mut painter, red(0.2), &line);
+    painter.commit().unwrap();
+    let after = contents(&painter);
+    assert!(after != before);
+    drop(painter);
+    assert!(contents(&open(&baked)) == after && verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
 /// A number that comes back is that of another layer.
 #[test]
 fn what_was_painted_on_deleted_layers_does_not_come_back_with_their_numbers() {

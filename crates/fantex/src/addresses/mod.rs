@@ -13,7 +13,7 @@ use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
 use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
-use fantex_store::{Replacement, WriterLock};
+use fantex_store::{Asset, MOST_GAPS_COPIED, Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
@@ -198,7 +198,8 @@ pub fn change_copy<T>(
     Ok(changed)
 }
 
-/// Copies a file and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so.
+/// Copies an asset and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so. What earlier
+/// changes have left unused of the file is not copied where that is more than an eighth.
 ///
 /// # Errors
 /// Those of the change; there is no room for the copy; there is a file of that name, or somebody else changes it.
@@ -209,7 +210,13 @@ pub fn change_into<T>(
     change: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let replacement = Replacement::begin(output, overwrite)?;
-    let copy = copy_beside(from, output, output)?;
+    let gapless = Asset::open(from).ok().filter(|asset| asset.gap_share() > MOST_GAPS_COPIED);
+    let copy = match gapless.map(|asset| asset.copy_without_gaps(output, &mut |_, _| Ok(()))) {
+        Some(Ok(copy)) => copy.into_temp_path(),
+        Some(Err(error)) if error.kind() == ErrorKind::Io => return Err(error),
+        // Damage is copied, and the change says what is wrong with what is no asset.
+        _ => copy_beside(from, output, output)?,
+    };
     let changed = change(&copy).map_err(|error| named(error, &copy, [from, output]))?;
     replacement.finish(copy)?;
     Ok(changed)
