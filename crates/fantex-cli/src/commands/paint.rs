@@ -36,7 +36,8 @@ Without --replay a window is opened. A model becomes an asset beside it first (b
 painted is saved all the time, in the asset itself, and every step can be undone. To keep an asset as it is, paint on a copy of its file.
 
 With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all \
-strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
+strokes or none. Where some of the work must be durable before the rest (blur, smudge and clone after another stroke or on a layer, fills by \
+colour, channels, --alpha), a copy is changed that then takes the asset's place: that needs room for the copy. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
 asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.
 
 With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's \
@@ -200,9 +201,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
     let mut info = match &args.output {
-        None if context.strict || args.changes_asset() || strokes.commit_between() => {
+        None if args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
+            let info = change_copy(&args.asset, [&context.step("copying", "MB"), &NoProgress], paint)?;
             PaintInfo { output: (&args.asset).into(), ..info }
         }
         None => {
@@ -212,7 +213,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         Some(output) => {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            PaintInfo { output: output.into(), ..change_into(&args.asset, output, context.force, paint)? }
+            let copying = context.step("copying", "MB");
+            let info = change_into(&args.asset, output, context.force, &copying, paint)?;
+            PaintInfo { output: output.into(), ..info }
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));

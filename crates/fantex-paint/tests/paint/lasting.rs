@@ -227,6 +227,38 @@ fn space_of_a_forgotten_history_is_given_back() {
     assert!(contents(&open(&baked)) == after && verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
 }
 
+/// Who replays strokes knows from the file whether some of them are durable before all are.
+#[test]
+fn strokes_that_read_the_surface_commit_what_is_before_them() {
+    let stroke = |tool: &str, more: &str| {
+        format!(
+            r#"{{"tool": {tool}, {more} "channels": [{{"kind": "base_color"}}], "samples": [{{"at": {{"position": [1, 0, 0]}}}}]}}"#
+        )
+    };
+    let paint = stroke(r#"{"paint": "normal"}"#, "");
+    let layer = r#""layer": {"name": "soft"},"#;
+    for tool in [
+        r#"{"blur": {"radius": {"texels": 4}}}"#,
+        r#"{"smudge": {"strength": 0.5}}"#,
+        r#"{"clone": {"from": [0, 1, 0]}}"#,
+    ] {
+        let reads = stroke(tool, "");
+        for (text, commits) in [
+            (reads.clone(), false),
+            (format!("{reads}, {paint}"), false),
+            (format!("{paint}, {reads}"), true),
+            (stroke(tool, layer), true),
+        ] {
+            let (baked, file) = (ball(20_000, BakeFormat::Rgba8), strokes(&text));
+            let mut painter = baked.painter();
+            replay(&mut painter, &file, baked.folder.path()).unwrap();
+            let has_committed = painter.editor().asset().generation() > 1;
+            assert_eq!((file.commits_between(), has_committed), (commits, commits), "{text}");
+            assert!(painter.commit().unwrap().generation > 1);
+        }
+    }
+}
+
 /// A number that comes back is that of another layer.
 #[test]
 fn what_was_painted_on_deleted_layers_does_not_come_back_with_their_numbers() {
