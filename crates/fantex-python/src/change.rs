@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex::addresses::{change, change_copy, check_is_path};
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay, without_room};
 use fantex::store::MOST_GAPS;
 use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
@@ -71,7 +71,9 @@ pub(crate) fn paint(
             || strokes.is_some_and(StrokeFile::commits_between);
         let summary = match commits_between {
             true => change_copy(&asset, [watch, watch], paint)?,
-            false => change(&asset, [watch, watch], paint)?,
+            false => {
+                change(&asset, [watch, watch], |path| paint(path).map_err(|error| without_room(error, path)))?
+            }
         };
         Ok((summary.strokes, summary.dabs, summary.pages, summary.unrecorded))
     })

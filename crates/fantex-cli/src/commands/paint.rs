@@ -9,8 +9,10 @@ use fantex::addresses::{change_copy, change_into};
 use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::{ChannelKind, MOST_GAPS, MOST_GAPS_COPIED, io_cause, is_disk_full};
+use fantex::paint::{
+    PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay, without_room,
+};
+use fantex::store::{ChannelKind, MOST_GAPS, MOST_GAPS_COPIED, io_cause};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -250,20 +252,6 @@ fn open_window(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let mut arguments = vec!["--paint".into(), args.asset.clone().into()];
     arguments.extend(args.size.map(|[width, height]| format!("--size={width}x{height}").into()));
     view::start(&arguments, Some(context.memory_bytes), context)
-}
-
-/// That the disk is full, as somebody needs to know it whose changes are gone with this process; other errors as they are.
-fn without_room(error: Error, asset: &Path) -> Error {
-    match io_cause(&error).filter(|_| is_disk_full(&error)) {
-        Some(cause) => {
-            let asset_text = asset.display();
-            let sentence = format!(
-                "no space is left for {asset_text}: {cause}; nothing was painted, the asset is as it was"
-            );
-            Error::new(ErrorKind::Io, sentence).with_path(asset)
-        }
-        None => error,
-    }
 }
 
 fn missing(unrecorded: usize) -> String {

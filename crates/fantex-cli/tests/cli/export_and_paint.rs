@@ -234,7 +234,8 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         .unwrap();
     let said = stderr(&full);
     assert!(
-        said.contains("nothing was painted, the asset is as it was") && !said.contains("commit"),
+        said.contains("nothing was painted, the asset is as it was; make room, then apply the strokes again")
+            && !said.contains("commit"),
         "{said}"
     );
     assert_eq!(json(&[&"info", &asset])["texels"], json(&[&"info", &painted])["texels"]);

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
+use fantex_base::Error;
 use fantex_paint::{
     GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target, TextureGraph, dabs_of, replay,
+    without_room,
 };
 use fantex_store::{AssetEditor, EditOptions, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -225,6 +227,21 @@ fn space_of_a_forgotten_history_is_given_back() {
     assert!(after != before);
     drop(painter);
     assert!(contents(&open(&baked)) == after && verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// Who drops the painter is not told that its changes can be committed later.
+#[test]
+fn a_full_disk_is_told_of_as_somebody_can_act_on_it() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    painter.limit_file(Some(1));
+    let line = stroke(painter.surface(), 40.0, &LINE);
+    paint_stroke(&mut painter, red(0.6), &line);
+    let error = without_room(painter.commit().unwrap_err(), &baked.path).to_string();
+    assert!(error.contains("a.fan") && error.contains("make room, then apply the strokes again"), "{error}");
+    assert!(!error.contains("commit"), "{error}");
+    let other = without_room(Error::invalid("another"), &baked.path);
+    assert_eq!(other.to_string(), "another");
 }
 
 /// Who replays strokes knows from the file whether some of them are durable before all are.
