@@ -2,9 +2,10 @@
 
 use std::error::Error as StdError;
 use std::io;
+use std::path::Path;
 
 use fantex_base::{Error, ErrorKind, Result};
-use fantex_store::Asset;
+use fantex_store::{Asset, io_cause, is_disk_full};
 use serde::Serialize;
 
 /// The temporary files of a stroke cannot be written or read.
@@ -13,6 +14,21 @@ pub(crate) fn temporary(source: io::Error) -> Error {
         "cannot keep the stroke's pages in a temporary file: {source}; free some space or raise the memory budget"
     );
     Error::new(ErrorKind::Io, sentence).with_source(source)
+}
+
+/// That the disk is full, as somebody needs to know it whose changes go with the [`Painter`](crate::Painter); other errors as they are.
+pub fn without_room(error: Error, asset: &Path) -> Error {
+    match io_cause(&error).filter(|_| is_disk_full(&error)) {
+        Some(cause) => {
+            let asset_text = asset.display();
+            let sentence = format!(
+                "no space is left for {asset_text}: {cause}; nothing was painted, the asset is as it was; make room, then apply the \
+                 strokes again"
+            );
+            Error::new(ErrorKind::Io, sentence).with_path(asset)
+        }
+        None => error,
+    }
 }
 
 /// What an asset keeps beside its texels cannot be understood.

@@ -74,6 +74,7 @@ mod tips;
 mod work;
 
 pub use dab::{Dab, Stamp, is_shaped_by_alpha};
+pub use error::without_room;
 pub use fantex_mesh::SurfacePoint;
 pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphFill, TextureGraph};

@@ -540,8 +540,22 @@ impl Painter {
         self.room.commit(&mut self.editor)
     }
 
-    /// The same where the file was replaced or removed: all is in the file that is open, to be copied from [`asset`](AssetEditor::asset), and in
-    /// no other one.
+    /// Commits, and replaces the file by a copy without gaps where these are more than this [share](Asset::gap_share) of it; says whether.
+    /// Needs room for the copy.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit), or the copy cannot be written: all is committed then, in the file as it is.
+    pub fn close_gaps(&mut self, most: f64) -> Result<bool> {
+        self.commit()?;
+        let is_due = self.editor.asset().gap_share() > most;
+        if is_due {
+            self.editor.compact()?;
+        }
+        Ok(is_due)
+    }
+
+    /// As [`commit`](Self::commit) where the file was replaced or removed: all is in the file that is open, to be copied from
+    /// [`asset`](AssetEditor::asset), and in no other one.
     ///
     /// # Errors
     /// As [`commit`](Self::commit).

@@ -32,15 +32,18 @@ pub struct StrokeFile {
 
 impl StrokeFile {
     /// Whether a replay makes changes durable before the last stroke: channels that are added, and what tools that read the surface find
-    /// there. Who wants all of the strokes or none replays them into a copy.
+    /// there. (Before the first stroke there is nothing, unless it makes its layer; a fill by colour has begun by then.) Who wants all of the
+    /// strokes or none replays them into a copy.
     pub fn commits_between(&self) -> bool {
-        let reads = |stroke: &StrokeSettings| {
-            matches!(
+        let commits = |(index, stroke): (usize, &StrokeSettings)| {
+            let reads = matches!(
                 stroke.tool,
                 ToolSettings::Blur { .. } | ToolSettings::Smudge { .. } | ToolSettings::Clone { .. }
-            ) || matches!(stroke.fill, Some(FillSettings::Color(_)))
+            );
+            let is_first = index == 0 && stroke.layer.is_none();
+            reads && !is_first || matches!(stroke.fill, Some(FillSettings::Color(_)))
         };
-        !self.add_channels.is_empty() || self.strokes.iter().any(reads)
+        !self.add_channels.is_empty() || self.strokes.iter().enumerate().any(commits)
     }
 }
 

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use fantex::addresses::{change, change_copy, check_is_path};
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay, without_room};
+use fantex::store::MOST_GAPS;
 use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -57,6 +58,10 @@ pub(crate) fn paint(
                 return Err(Error::cancelled("painting was ended; nothing was painted"));
             }
             painter.commit()?;
+            if !options.history {
+                // What was painted is there without that, too.
+                painter.close_gaps(MOST_GAPS).unwrap_or_default();
+            }
             Ok(summary)
         };
         let strokes = file.as_ref().map(|(file, _)| file).or(log.as_ref().map(|log| &log.strokes));
@@ -66,7 +71,9 @@ pub(crate) fn paint(
             || strokes.is_some_and(StrokeFile::commits_between);
         let summary = match commits_between {
             true => change_copy(&asset, [watch, watch], paint)?,
-            false => change(&asset, [watch, watch], paint)?,
+            false => {
+                change(&asset, [watch, watch], |path| paint(path).map_err(|error| without_room(error, path)))?
+            }
         };
         Ok((summary.strokes, summary.dabs, summary.pages, summary.unrecorded))
     })

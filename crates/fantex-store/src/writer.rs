@@ -320,7 +320,7 @@ impl OpenCluster {
         Self { first: TilePlace { group: 0, page: 0 }, channels: vec![Vec::new(); channels], before: 0 }
     }
 
-    fn length(&self) -> usize {
+    pub(crate) fn length(&self) -> usize {
         self.before + self.channels.iter().map(Vec::len).sum::<usize>()
     }
 
@@ -465,6 +465,18 @@ impl NewFile {
         let offset = self.append(&cluster.stored)?;
         self.levels[level].push(cluster.entry(offset));
         Ok(cluster.stored.len() as u64)
+    }
+
+    /// Adds the next cluster of a level as another file has it, its checksum, too.
+    pub(crate) fn copied_cluster(
+        &mut self,
+        level: usize,
+        stored: &[u8],
+        entry: ClusterEntry,
+    ) -> io::Result<()> {
+        let offset = self.append(stored)?;
+        self.levels[level].push(ClusterEntry { offset, ..entry });
+        Ok(())
     }
 
     /// Leaves room for the next cluster of a level, which has its place by that. Gives where it lies, with what follows until the next one.

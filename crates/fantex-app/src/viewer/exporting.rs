@@ -1,13 +1,11 @@
 //! Exports and copies of the asset that is open.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use fantex::bake::Progress;
-use fantex::base::files::temporary_file;
-use fantex::base::{Error, Result, counted};
+use fantex::base::{Error, ErrorKind, Result, counted};
 use fantex::store::{Asset, Replacement};
 
 use crate::document::{OpenProgress, Place};
@@ -276,11 +274,8 @@ fn said(files: &[PathBuf]) -> String {
     }
 }
 
-/// Bytes that are copied between two looks at whether the copy is still wanted.
-const COPIED_AT_ONCE: usize = 1 << 20;
-
-/// Copies an asset, which a painter may go on changing. As long as it is open for reading here, no space of the file that its generation or
-/// a later one names is written again. The copy gets its name once all its checksums are right.
+/// Copies an asset without gaps, which a painter may go on changing. As long as it is open for reading here, no space of the file that its
+/// generation or a later one names is written again. The copy gets its name once all its checksums are right.
 fn copy(asset: &Asset, to: &Path, progress: &dyn Progress) -> Result<()> {
     let from = asset.path();
     let is_same = || Some(std::fs::canonicalize(from).ok()? == std::fs::canonicalize(to).ok()?);
@@ -288,25 +283,16 @@ fn copy(asset: &Asset, to: &Path, progress: &dyn Progress) -> Result<()> {
         return Err(Error::invalid(format!("{} is the asset itself: choose another name", to.display())));
     }
     let replacement = Replacement::begin(to, true)?;
-    let failed = |source| Error::writing(to, source);
-    let mut copied = temporary_file(to, "").map_err(failed)?;
-    let length = asset.file_bytes();
-    let mut buffer = vec![0; COPIED_AT_ONCE];
-    let mut at = 0;
-    loop {
+    let copied = asset.copy_without_gaps(to, &mut |done, total| {
         if progress.is_cancelled() {
             return Err(Error::cancelled("copying was cancelled"));
         }
-        progress.report(at, 2 * length.max(at));
-        let count = asset.source().read_at(&mut buffer, at).map_err(|source| Error::reading(from, source))?;
-        if count == 0 {
-            break;
-        }
-        copied.write_all(&buffer[..count]).map_err(failed)?;
-        at += count as u64;
-    }
-    check_copy(copied.path(), progress).map_err(|error| {
-        if error.is_cancelled() {
+        progress.report(done, 2 * total);
+        Ok(())
+    });
+    let checked = copied.and_then(|copied| check_copy(copied.path(), progress).map(|()| copied));
+    let copied = checked.map_err(|error| {
+        if !matches!(error.kind(), ErrorKind::Damaged | ErrorKind::Malformed) {
             return error;
         }
         let [from, to] = [from, to].map(Path::display);

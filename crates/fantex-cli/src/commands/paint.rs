@@ -9,8 +9,10 @@ use fantex::addresses::{change_copy, change_into};
 use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
-use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay};
-use fantex::store::{ChannelKind, io_cause, is_disk_full};
+use fantex::paint::{
+    PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay, without_room,
+};
+use fantex::store::{ChannelKind, MOST_GAPS, MOST_GAPS_COPIED, io_cause};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -36,7 +38,8 @@ Without --replay a window is opened. A model becomes an asset beside it first (b
 painted is saved all the time, in the asset itself, and every step can be undone. To keep an asset as it is, paint on a copy of its file.
 
 With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all \
-strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
+strokes or none. Where some of the work must be durable before the rest (blur, smudge and clone after another stroke or on a layer, fills by \
+colour, channels, --alpha), a copy is changed that then takes the asset's place: that needs room for the copy. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An \
 asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.
 
 With --add-channel the asset is first given channels that it does not have. They show what was seen without them: the model's \
@@ -67,13 +70,13 @@ pub(crate) struct PaintArgs {
     /// What all materials of the asset make of the opacity of the base colour
     #[arg(long, value_name = "MODE", value_parser = one_of(&ALPHA_MODES), conflicts_with = "export_log")]
     alpha: Option<AlphaMode>,
-    /// The asset to write; without it the given one is changed. A window paints on the given one alone
+    /// The asset to write; without it the given one is changed. Space that is free in the given file is not copied. A window paints on the given one alone
     #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Width and height of the window in points; as it was by default
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["replay", "replay_log", "export_log", "add_channel", "remove_channel", "alpha"])]
     size: Option<[u32; 2]>,
-    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones; not in a window
+    /// Keep nothing that undoes the strokes, and forget what undoes earlier ones; a file of which more than half is free then is written anew, without gaps. Not in a window
     #[arg(long, conflicts_with = "export_log")]
     no_history: bool,
 }
@@ -200,9 +203,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
     let mut info = match &args.output {
-        None if context.strict || args.changes_asset() || strokes.commit_between() => {
+        None if args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            let info = change_copy(&args.asset, [&NoProgress, &NoProgress], paint)?;
+            let info = change_copy(&args.asset, [&context.step("copying", "MB"), &NoProgress], paint)?;
             PaintInfo { output: (&args.asset).into(), ..info }
         }
         None => {
@@ -212,7 +215,9 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         Some(output) => {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            PaintInfo { output: output.into(), ..change_into(&args.asset, output, context.force, paint)? }
+            let copying = context.step("copying", "MB");
+            let info = change_into(&args.asset, output, context.force, &copying, paint)?;
+            PaintInfo { output: output.into(), ..info }
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
@@ -249,20 +254,6 @@ fn open_window(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     view::start(&arguments, Some(context.memory_bytes), context)
 }
 
-/// That the disk is full, as somebody needs to know it whose changes are gone with this process; other errors as they are.
-fn without_room(error: Error, asset: &Path) -> Error {
-    match io_cause(&error).filter(|_| is_disk_full(&error)) {
-        Some(cause) => {
-            let asset_text = asset.display();
-            let sentence = format!(
-                "no space is left for {asset_text}: {cause}; nothing was painted, the asset is as it was"
-            );
-            Error::new(ErrorKind::Io, sentence).with_path(asset)
-        }
-        None => error,
-    }
-}
-
 fn missing(unrecorded: usize) -> String {
     match unrecorded {
         0 => String::new(),
@@ -293,8 +284,22 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
     report_damage(&args.asset, painter.damage(), context)?;
-    let _deferral = context.defer_interrupt();
-    let committed = painter.commit()?;
+    {
+        let _deferral = context.defer_interrupt();
+        painter.commit()?;
+    }
+    if args.no_history && !context.is_interrupted() {
+        if asset == args.asset {
+            context.set_remains("the strokes were painted".to_owned());
+        }
+        let most = if args.output.is_some() { MOST_GAPS_COPIED } else { MOST_GAPS };
+        // What was painted is there without that, too.
+        if let Err(error) = painter.close_gaps(most) {
+            let why = io_cause(&error).map_or_else(|| error.to_string(), ToString::to_string);
+            context.note(format!("{} keeps the space that is free in it: {why}", args.asset.display()));
+        }
+    }
+    let committed = painter.editor().asset();
     Ok(PaintInfo {
         output: asset.into(),
         strokes: summary.strokes,
@@ -304,8 +309,8 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         unrecorded: summary.unrecorded,
         missing_characters: summary.missing_characters,
         untouching: summary.untouching,
-        generation: committed.generation,
-        bytes: committed.file_bytes,
+        generation: committed.generation(),
+        bytes: committed.file_bytes(),
         seconds: 0.0,
     })
 }

@@ -234,7 +234,8 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         .unwrap();
     let said = stderr(&full);
     assert!(
-        said.contains("nothing was painted, the asset is as it was") && !said.contains("commit"),
+        said.contains("nothing was painted, the asset is as it was; make room, then apply the strokes again")
+            && !said.contains("commit"),
         "{said}"
     );
     assert_eq!(json(&[&"info", &asset])["texels"], json(&[&"info", &painted])["texels"]);
@@ -256,6 +257,31 @@ fn strokes_are_replayed_and_the_result_is_certified() {
         &["not a stroke file: line 1, column 1: this is no JSON"],
         &[&"paint", &asset, &"--replay", &model],
     );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
+}
+
+/// Space that painting leaves behind is not copied, and comes back where what undoes strokes is forgotten.
+#[test]
+fn free_space_is_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("strokes.json"), STROKES).unwrap();
+    std::fs::write(at("broad.json"), STROKES.replace("30", "600")).unwrap();
+    let [asset, other, copy] = ["a.fan", "other.fan", "copy.fan"].map(at);
+    json(&[&"bake", &at("model.obj"), &"-o", &asset, &"--source", &"solid=wood", &"--texels", &"60k"]);
+    let bytes = |done: &serde_json::Value| done["bytes"].as_u64().unwrap();
+    let painted = bytes(&json(&[&"paint", &asset, &"--replay", &at("broad.json")]));
+    std::fs::copy(&asset, &other).unwrap();
+    let in_place = bytes(&json(&[&"paint", &other, &"--replay", &at("strokes.json")]));
+    let copied = bytes(&json(&[&"paint", &asset, &"--replay", &at("strokes.json"), &"-o", &copy]));
+    assert!(copied < in_place, "{copied} {in_place}");
+    assert_eq!(std::fs::metadata(&asset).unwrap().len(), painted, "the asset itself stays");
+    let forgotten = json(&[&"paint", &asset, &"--replay", &at("strokes.json"), &"--no-history"]);
+    assert!(2 * bytes(&forgotten) < in_place, "{forgotten} {in_place}");
+    for path in [&asset, &copy] {
+        assert_eq!(json(&[&"verify", path])["ok"], true);
+    }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 6, "nothing is left behind");
 }
 

@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
+use fantex_base::Error;
 use fantex_paint::{
     GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target, TextureGraph, dabs_of, replay,
+    without_room,
 };
 use fantex_store::{AssetEditor, EditOptions, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -202,6 +204,76 @@ fn strokes_without_a_history_forget_the_one_before() {
     assert!(!painter.undo().unwrap() && !painter.redo().unwrap());
     assert!(contents(&painter) == after);
     assert!(!painter.editor().attachment_names().iter().any(|name| name.starts_with("history/")));
+}
+
+/// The painter goes on in the file that is written anew.
+#[test]
+fn space_of_a_forgotten_history_is_given_back() {
+    let baked = ball(80_000, BakeFormat::Bc7);
+    drop(start(&baked));
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    let line = stroke(painter.surface(), 40.0, &LINE);
+    paint_stroke(&mut painter, red(0.6), &line);
+    assert!(!painter.close_gaps(1.0).unwrap() && !painter.editor().has_changes());
+    let (before, bytes) = (contents(&painter), std::fs::metadata(&baked.path).unwrap().len());
+    assert!(painter.close_gaps(0.01).unwrap());
+    let closed = std::fs::metadata(&baked.path).unwrap().len();
+    assert!(closed < bytes && contents(&painter) == before, "{bytes} {closed}");
+    assert!(!painter.close_gaps(painter.editor().asset().gap_share()).unwrap());
+    paint_stroke(&mut painter, red(0.2), &line);
+    painter.commit().unwrap();
+    let after = contents(&painter);
+    assert!(after != before);
+    drop(painter);
+    assert!(contents(&open(&baked)) == after && verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// Who drops the painter is not told that its changes can be committed later.
+#[test]
+fn a_full_disk_is_told_of_as_somebody_can_act_on_it() {
+    let baked = ball(20_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    painter.limit_file(Some(1));
+    let line = stroke(painter.surface(), 40.0, &LINE);
+    paint_stroke(&mut painter, red(0.6), &line);
+    let error = without_room(painter.commit().unwrap_err(), &baked.path).to_string();
+    assert!(error.contains("a.fan") && error.contains("make room, then apply the strokes again"), "{error}");
+    assert!(!error.contains("commit"), "{error}");
+    let other = without_room(Error::invalid("another"), &baked.path);
+    assert_eq!(other.to_string(), "another");
+}
+
+/// Who replays strokes knows from the file whether some of them are durable before all are.
+#[test]
+fn strokes_that_read_the_surface_commit_what_is_before_them() {
+    let stroke = |tool: &str, more: &str| {
+        format!(
+            r#"{{"tool": {tool}, {more} "channels": [{{"kind": "base_color"}}], "samples": [{{"at": {{"position": [1, 0, 0]}}}}]}}"#
+        )
+    };
+    let paint = stroke(r#"{"paint": "normal"}"#, "");
+    let layer = r#""layer": {"name": "soft"},"#;
+    for tool in [
+        r#"{"blur": {"radius": {"texels": 4}}}"#,
+        r#"{"smudge": {"strength": 0.5}}"#,
+        r#"{"clone": {"from": [0, 1, 0]}}"#,
+    ] {
+        let reads = stroke(tool, "");
+        for (text, commits) in [
+            (reads.clone(), false),
+            (format!("{reads}, {paint}"), false),
+            (format!("{paint}, {reads}"), true),
+            (stroke(tool, layer), true),
+        ] {
+            let (baked, file) = (ball(20_000, BakeFormat::Rgba8), strokes(&text));
+            let mut painter = baked.painter();
+            replay(&mut painter, &file, baked.folder.path()).unwrap();
+            let has_committed = painter.editor().asset().generation() > 1;
+            assert_eq!((file.commits_between(), has_committed), (commits, commits), "{text}");
+            assert!(painter.commit().unwrap().generation > 1);
+        }
+    }
 }
 
 /// A number that comes back is that of another layer.

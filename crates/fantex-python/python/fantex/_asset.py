@@ -553,7 +553,8 @@ class Asset:
         Args:
             strokes: what a stroke file holds: its path, its dictionary, or the list of its strokes; or another :class:`Asset`, whose
                 strokes are painted on this one, too. None where only channels or ``alpha`` change.
-            history: keep what undoes them.
+            history: keep what undoes them; without it what undoes earlier ones goes, too, and a file of which more than half is free then is
+                written anew.
             add_channels: channels that it is to have; they show what was seen without them.
             remove_channels: channels to take out before, with all that was baked and painted in them. That cannot be undone.
             alpha: what its materials make of the opacity of the base colour: ``"opaque"``, ``"cut-out"``, ``"blend"``; as it is by

@@ -2,25 +2,32 @@
 //! wanted.
 
 use std::borrow::Cow;
-use std::fs::OpenOptions;
+use std::fs::{OpenOptions, Permissions};
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::Result;
 use fantex_base::files::persist;
+use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
 use tempfile::NamedTempFile;
 
-use super::AssetEditor;
 use super::commit::{FileOutput, pages_of_cluster};
+use super::space::padded;
+use super::{AssetEditor, EditOptions, used_ranges};
 use crate::channel::encode_channels;
 use crate::decode::StoredTexels;
 use crate::directory::{Attachments, Means};
-use crate::header::{SECTION_NAMES, SectionRecord};
-use crate::layout::{ClusterPages, PageSize};
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord};
+use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::writer::{CLUSTER_TARGET_BYTES, NewFile, OpenCluster, pack_section};
 use crate::{Asset, Channel, PageId, TexelFormat, mesh_section, write_error};
+
+/// A file of whose bytes more than this share is [unused](Asset::gap_share) is worth being written anew.
+pub const MOST_GAPS: f64 = 0.5;
+
+/// A copy that is made anyway leaves unused bytes out where they are more than this share.
+pub const MOST_GAPS_COPIED: f64 = 0.125;
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +36,38 @@ pub struct CompactSummary {
     pub bytes_before: u64,
     /// Length of the file now.
     pub bytes: u64,
+}
+
+impl Asset {
+    /// The share of the file that this generation leaves unused: what commits have left behind, and room that a bake has kept.
+    pub fn gap_share(&self) -> f64 {
+        let no_attachments = Attachments::new();
+        let attachments = self.attachments().unwrap_or(&no_attachments);
+        let used = used_ranges(self.slot(), self.directory(), attachments);
+        let bytes = HEADER_BYTES + used.map(|range| padded(&range)).map(|r| r.end - r.start).sum::<u64>();
+        1.0 - bytes as f64 / self.file_bytes().max(bytes) as f64
+    }
+
+    /// Copies this generation into a new file without gaps, which is durable and goes away unless it gets a name: one in the folder of
+    /// `place`. Memory does not grow with the asset. Damage is copied, and reported when it is read; where clusters are cut it is an error.
+    /// `done` is told the copied bytes and how many there are, and may end it.
+    ///
+    /// # Errors
+    /// The asset cannot be read, the copy not be written; what `done` returns.
+    pub fn copy_without_gaps(
+        &self,
+        place: &Path,
+        done: &mut dyn FnMut(u64, u64) -> Result<()>,
+    ) -> Result<NamedTempFile> {
+        let channels = NewChannel::all_of(self);
+        let zstd_level = EditOptions::default().zstd_level;
+        let rewrite = Rewrite { copy: Some(place), ..Rewrite::new(self, &channels, None, zstd_level) };
+        let attachment = |_: &str, record: &SectionRecord| {
+            let stored = read_stored(self, record).map_err(|source| Error::reading(self.path(), source))?;
+            Ok(Some((stored, *record)))
+        };
+        rewrite.write(place, attachment, None, done)
+    }
 }
 
 impl AssetEditor {
@@ -54,27 +93,19 @@ impl AssetEditor {
         self.check_in_place()?;
         let asset = Arc::clone(&self.asset);
         let io = |source| write_error(asset.path(), source);
-        let rewrite = Rewrite::new(&asset, channels, mesh);
         // The file that a link leads to is replaced, not the link.
         let path = asset.path();
         let place = if path.is_symlink() { path.canonicalize().map_err(io)? } else { path.to_owned() };
-        let mut copy = rewrite.begin(&place).map_err(io)?;
-        rewrite.copy_clusters(&mut copy, self.options.zstd_level)?;
-        let mut attachments = Attachments::new();
-        for (name, record) in asset.attachments()? {
-            let (stored, record) = if concerns(name) {
-                let contents = asset.read_attachment(name, record)?;
-                let Some(contents) = change(name, contents)? else { continue };
-                pack_section(&contents).map_err(io)?
-            } else {
-                (read_stored(&asset, record).map_err(io)?, *record)
-            };
-            let offset = copy.append(&stored).map_err(io)?;
-            attachments.insert(name.clone(), SectionRecord { offset, ..record });
-        }
         let permissions = self.file.metadata().map_err(io)?.permissions();
-        let finished = copy.finish(rewrite.means()?, &attachments, Some(permissions));
-        let (copy, _) = finished.map_err(io)?;
+        let rewrite = Rewrite::new(&asset, channels, mesh, self.options.zstd_level);
+        let attachment = |name: &str, record: &SectionRecord| {
+            if !concerns(name) {
+                return Ok(Some((read_stored(&asset, record).map_err(io)?, *record)));
+            }
+            let contents = change(name, asset.read_attachment(name, record)?)?;
+            contents.map(|contents| pack_section(&contents).map_err(io)).transpose()
+        };
+        let copy = rewrite.write(&place, attachment, Some(permissions), &mut |_, _| Ok(()))?;
         // What somebody else has put there meanwhile stays.
         self.check_in_place()?;
         self.move_to(copy, &place, path)?;
@@ -121,10 +152,13 @@ struct Rewrite<'a> {
     formats: Vec<TexelFormat>,
     /// The last triangle of each group; empty where no channel is new.
     triangles: Vec<u32>,
+    zstd_level: i32,
+    /// What is written, for messages, where that is not the asset itself.
+    copy: Option<&'a Path>,
 }
 
 impl<'a> Rewrite<'a> {
-    fn new(asset: &'a Asset, channels: &'a [NewChannel], mesh: Option<&'a Mesh>) -> Self {
+    fn new(asset: &'a Asset, channels: &'a [NewChannel], mesh: Option<&'a Mesh>, zstd_level: i32) -> Self {
         let has_new = channels.iter().any(|new| new.from.is_none());
         let mut triangles = vec![0; if has_new { asset.cover().groups.len() } else { 0 }];
         if has_new {
@@ -133,7 +167,44 @@ impl<'a> Rewrite<'a> {
             }
         }
         let formats = channels.iter().map(|new| new.channel.format).collect();
-        Self { asset, channels, mesh, formats, triangles }
+        Self { asset, channels, mesh, formats, triangles, zstd_level, copy: None }
+    }
+
+    fn failed(&self, source: io::Error) -> Error {
+        match self.copy {
+            Some(copy) => Error::writing(copy, source),
+            None => write_error(self.asset.path(), source),
+        }
+    }
+
+    /// Writes the new file. `attachment` gives what becomes of one; none where it is left out.
+    fn write(
+        &self,
+        place: &Path,
+        mut attachment: impl FnMut(&str, &SectionRecord) -> Result<Option<(Vec<u8>, SectionRecord)>>,
+        permissions: Option<Permissions>,
+        done: &mut dyn FnMut(u64, u64) -> Result<()>,
+    ) -> Result<NamedTempFile> {
+        let io = |source| self.failed(source);
+        let total = self.asset.used_bytes();
+        let mut copied = 0;
+        let mut copy = self.begin(place).map_err(io)?;
+        self.copy_clusters(&mut copy, &mut |bytes| {
+            copied += bytes;
+            done(copied, total)
+        })?;
+        let mut attachments = Attachments::new();
+        for (name, record) in self.asset.attachments()? {
+            if let Some((stored, changed)) = attachment(name, record)? {
+                let offset = copy.append(&stored).map_err(io)?;
+                attachments.insert(name.clone(), SectionRecord { offset, ..changed });
+            }
+            copied += record.stored_length;
+            done(copied, total)?;
+        }
+        let (copy, _) = copy.finish(self.means()?, &attachments, permissions).map_err(io)?;
+        done(total, total)?;
+        Ok(copy)
     }
 
     /// Whether the channels are those of the asset.
@@ -149,7 +220,8 @@ impl<'a> Rewrite<'a> {
     /// Copies the sections that no commit changes into a new file beside `place`, and keeps room for the directory behind them.
     fn begin(&self, place: &Path) -> io::Result<NewFile> {
         let asset = self.asset;
-        let mut copy = NewFile::create(place, asset.generation() + 1, asset.directory().levels.len())?;
+        let mut copy =
+            NewFile::create(place, asset.generation().saturating_add(1), asset.directory().levels.len())?;
         copy.slot.hard_edges = asset.slot().hard_edges;
         for (index, record) in asset.slot().sections.iter().enumerate().take(3) {
             let changed = match (SECTION_NAMES[index], self.mesh) {
@@ -172,37 +244,71 @@ impl<'a> Rewrite<'a> {
         Ok(copy)
     }
 
-    /// Joins and copies all clusters, level after level within neighbourhoods of the surface.
-    fn copy_clusters(&self, copy: &mut NewFile, zstd_level: i32) -> Result<()> {
+    /// Joins and copies all clusters, level after level within neighbourhoods of the surface. `done` is told the length of each.
+    fn copy_clusters(&self, copy: &mut NewFile, done: &mut dyn FnMut(u64) -> Result<()>) -> Result<()> {
         let (asset, formats) = (self.asset, &self.formats);
+        let io = |source| self.failed(source);
         let levels = &asset.directory().levels;
+        let is_copy = self.is_copy();
         let mut next = vec![0; levels.len()];
         let mut open: Vec<_> = levels.iter().map(|_| OpenCluster::empty(formats.len())).collect();
-        let mut put = |level, cluster: OpenCluster| {
-            let written = cluster.pack(formats, zstd_level).and_then(|packed| copy.cluster(level, &packed));
-            written.map_err(|source| write_error(asset.path(), source))
+        let put = |copy: &mut NewFile, level, cluster: OpenCluster| {
+            let packed = cluster.pack(formats, self.zstd_level);
+            packed.and_then(|packed| copy.cluster(level, &packed)).map_err(io)
         };
         // Always the level that lags behind most, so that a place's levels come to lie near each other.
         while let Some(level) = (0..levels.len())
             .filter(|&level| next[level] < levels[level].len())
             .min_by_key(|&level| levels[level][next[level]].first.group)
         {
-            let cluster = asset.read_entry(level as u32, &levels[level][next[level]])?;
-            for place in pages_of_cluster(asset, asset.directory(), level as u32, next[level]) {
-                let size = PageSize::new(asset.cover().groups[place.group as usize].extent, level as u32);
-                let id = PageId { group: place.group, level: level as u32, page: size.page(place.page) };
-                if let Some(full) = open[level].add(place, &self.page(&cluster, id)?, CLUSTER_TARGET_BYTES) {
-                    put(level, full)?;
+            let (index, entry) = (next[level], &levels[level][next[level]]);
+            next[level] += 1;
+            if is_copy && self.is_uncut(&open[level], level, index) {
+                if let Some(full) = open[level].take() {
+                    put(copy, level, full)?;
+                }
+                let mut stored = vec![0; entry.stored_length as usize];
+                let read = asset.source().read_exact_at(&mut stored, entry.offset);
+                read.map_err(|source| asset.read_error(&entry.range(), Arc::new(source)))?;
+                copy.copied_cluster(level, &stored, *entry).map_err(io)?;
+            } else {
+                let cluster = asset.read_entry(level as u32, entry)?;
+                for place in pages_of_cluster(asset, asset.directory(), level as u32, index) {
+                    let id = self.id(level, place);
+                    let page = self.page(&cluster, id)?;
+                    if let Some(full) = open[level].add(place, &page, CLUSTER_TARGET_BYTES) {
+                        put(copy, level, full)?;
+                    }
                 }
             }
-            next[level] += 1;
+            done(u64::from(entry.stored_length))?;
         }
         for (level, open) in open.iter_mut().enumerate() {
             if let Some(last) = open.take() {
-                put(level, last)?;
+                put(copy, level, last)?;
             }
         }
         Ok(())
+    }
+
+    /// Whether neither the pages before a cluster nor those behind it fit into one cluster with its own: joining would make the same one.
+    fn is_uncut(&self, before: &OpenCluster, level: usize, index: usize) -> bool {
+        let clusters = &self.asset.directory().levels[level];
+        let ends = |length: usize, next: usize| {
+            let first = clusters.get(next).map(|next| self.id(level, next.first));
+            first.is_none_or(|id| {
+                let page = |channel| self.asset.page_bytes(channel, id).unwrap_or(usize::MAX);
+                let page = (0..self.formats.len()).map(page).fold(0, usize::saturating_add);
+                length == 0 || length.saturating_add(page) > CLUSTER_TARGET_BYTES
+            })
+        };
+        ends(before.length(), index) && ends(clusters[index].raw_length as usize, index + 1)
+    }
+
+    fn id(&self, level: usize, place: TilePlace) -> PageId {
+        let level = level as u32;
+        let size = PageSize::new(self.asset.cover().groups[place.group as usize].extent, level);
+        PageId { group: place.group, level, page: size.page(place.page) }
     }
 
     /// A page in all channels.

@@ -26,7 +26,7 @@ pub(super) struct Space {
 }
 
 /// The aligned range that holds some bytes.
-fn padded(range: &Range<u64>) -> Range<u64> {
+pub(super) fn padded(range: &Range<u64>) -> Range<u64> {
     range.start / ALIGNMENT * ALIGNMENT..range.end.next_multiple_of(ALIGNMENT)
 }
 

@@ -17,15 +17,15 @@ use crate::common::{Dice, encoded_page, fan_cover, means, pages, plain_channels,
 
 /// All that an asset holds and that commits change.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct State {
+pub(crate) struct State {
     pages: BTreeMap<(PageId, usize), Vec<u8>>,
     means: Vec<[f32; 4]>,
-    attachments: BTreeMap<String, Vec<u8>>,
+    pub(crate) attachments: BTreeMap<String, Vec<u8>>,
 }
 
 impl State {
     /// Reads everything, which checks all checksums.
-    fn read(asset: &Asset) -> State {
+    pub(crate) fn read(asset: &Asset) -> State {
         let mut state = State::default();
         let channels = asset.channels().len();
         for id in pages(asset.cover()) {
@@ -43,14 +43,14 @@ impl State {
         state
     }
 
-    fn open(path: &Path) -> (u64, State) {
+    pub(crate) fn open(path: &Path) -> (u64, State) {
         let asset = Asset::open(path).unwrap();
         (asset.generation(), State::read(&asset))
     }
 }
 
 /// Tiles of one page and of several.
-fn small_asset(folder: &Path) -> PathBuf {
+pub(crate) fn small_asset(folder: &Path) -> PathBuf {
     let path = folder.join("small.fan");
     let mesh = sheet(2);
     let cover = fan_cover(&mesh, |v| [[16, 12], [4, 4], [260, 8], [32, 32]][v % 4]);
@@ -61,7 +61,7 @@ fn small_asset(folder: &Path) -> PathBuf {
 }
 
 /// Makes some changes, in the editor and in the state that is expected of it.
-fn change(editor: &mut AssetEditor, state: &mut State, dice: &mut Dice) {
+pub(crate) fn change(editor: &mut AssetEditor, state: &mut State, dice: &mut Dice) {
     let cover = editor.asset().cover().clone();
     let channels = plain_channels();
     let all: Vec<PageId> = pages(&cover).collect();
@@ -95,7 +95,7 @@ fn change(editor: &mut AssetEditor, state: &mut State, dice: &mut Dice) {
 }
 
 /// What the editor shows of its uncommitted state.
-fn seen_by(editor: &AssetEditor) -> fantex_base::Result<State> {
+pub(crate) fn seen_by(editor: &AssetEditor) -> fantex_base::Result<State> {
     let mut state = State::default();
     let asset = editor.asset();
     for id in pages(asset.cover()) {
@@ -114,7 +114,7 @@ fn seen_by(editor: &AssetEditor) -> fantex_base::Result<State> {
 }
 
 /// Checksums of everything.
-fn assert_whole(path: &Path) {
+pub(crate) fn assert_whole(path: &Path) {
     let report = verify(path, &VerifyOptions::default()).unwrap();
     assert_eq!((report.damaged_tiles, report.damaged_headers, report.damaged_attachments), (0, 0, 0));
 }
@@ -129,7 +129,7 @@ enum Operation {
 
 /// What a recorder has seen and what it shall do.
 #[derive(Debug, Default)]
-struct Plan {
+pub(crate) struct Plan {
     log: Vec<Operation>,
     /// From this call on everything that needs room fails, half done.
     fail_from: Option<usize>,
@@ -190,7 +190,7 @@ impl EditOutput for Recorder {
 }
 
 /// An editor that writes through a recorder.
-fn recorded_editor(path: &Path) -> (AssetEditor, Arc<Mutex<Plan>>) {
+pub(crate) fn recorded_editor(path: &Path) -> (AssetEditor, Arc<Mutex<Plan>>) {
     let plan = Arc::new(Mutex::new(Plan::default()));
     // Short runs, so that clusters of a small asset are cut.
     let options = EditOptions { run_bytes: 4096, ..EditOptions::default() };
@@ -645,81 +645,6 @@ fn without_readers_the_file_stops_growing() {
     }
     assert!(State::open(&path).1 == state);
     assert!(lengths[59] <= lengths[20] + lengths[20] / 2, "{lengths:?}");
-}
-
-#[test]
-fn compacting_keeps_everything_but_the_gaps() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = small_asset(folder.path());
-    let fresh = std::fs::metadata(&path).unwrap().len();
-    let (mut editor, _) = recorded_editor(&path);
-    let mut state = State::read(editor.asset());
-    let mut dice = Dice::new(8);
-    let reader = Asset::open(&path).unwrap();
-    let before = state.clone();
-    for _ in 0..10 {
-        change(&mut editor, &mut state, &mut dice);
-        editor.commit().unwrap();
-    }
-    for name in state.attachments.keys() {
-        editor.detach(name);
-    }
-    state.attachments.clear();
-    change(&mut editor, &mut state, &mut dice);
-    let summary = editor.compact().unwrap();
-    assert!(summary.bytes_before > 2 * fresh && summary.bytes < fresh + 32768, "{summary:?} {fresh}");
-    assert!(State::open(&path).1 == state && State::read(editor.asset()) == state);
-    assert!(State::read(&reader) == before, "the old file lives on for its readers");
-    change(&mut editor, &mut state, &mut dice);
-    assert!(seen_by(&editor).unwrap() == state);
-    let generation = editor.commit().unwrap().generation;
-    assert_eq!(generation, 14);
-    assert_eq!(State::open(&path), (generation, state));
-    assert_whole(&path);
-}
-
-#[test]
-fn the_file_may_not_grow_further_after_compacting_either() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = small_asset(folder.path());
-    let (mut editor, _) = recorded_editor(&path);
-    let bytes = editor.compact().unwrap().bytes;
-    editor.limit_file(Some(2 * bytes));
-    editor.take_replaced();
-    let page = PageId { group: 0, level: 0, page: [0, 0] };
-    let texels = editor.read_page_raw(0, page).unwrap();
-    editor.replace(page, 0, texels).unwrap();
-    editor.compact().unwrap();
-    assert_eq!(editor.take_replaced(), [page]);
-    let large: Vec<u8> =
-        (0..4 * bytes as u32).flat_map(|n| n.wrapping_mul(0x9e37_79b9).to_le_bytes()).collect();
-    editor.attach("large", large).unwrap();
-    let error = editor.commit().unwrap_err();
-    assert!(is_disk_full(&error), "{error}");
-    editor.limit_file(None);
-    editor.commit().unwrap();
-}
-
-/// A link stays one, and leads to the copy.
-#[cfg(unix)]
-#[test]
-fn compacting_replaces_the_file_that_a_link_leads_to() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = small_asset(folder.path());
-    let link = folder.path().join("below/link.fan");
-    std::fs::create_dir(link.parent().unwrap()).unwrap();
-    std::os::unix::fs::symlink(&path, &link).unwrap();
-    let mut editor = AssetEditor::open(&link, &EditOptions::default()).unwrap();
-    let (mut state, mut dice) = (State::read(editor.asset()), Dice::new(9));
-    for _ in 0..3 {
-        change(&mut editor, &mut state, &mut dice);
-        editor.compact().unwrap();
-        assert!(link.symlink_metadata().unwrap().is_symlink());
-        assert!(State::open(&path).1 == state && State::open(&link).1 == state);
-    }
-    drop(editor);
-    let names = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
-    assert_eq!((names(folder.path()), names(link.parent().unwrap())), (2, 1), "nothing else is left");
 }
 
 /// What was there stays, byte for byte; the new channel holds what the materials say.

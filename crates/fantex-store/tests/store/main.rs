@@ -5,6 +5,7 @@
 mod blocks;
 mod cache;
 mod common;
+mod compact;
 mod damage;
 mod edit;
 mod format;

@@ -5,7 +5,7 @@ pub(crate) mod upload;
 
 use std::error::Error as _;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
 use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
-use fantex_store::{Replacement, WriterLock};
+use fantex_store::{Asset, MOST_GAPS_COPIED, Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
@@ -21,6 +21,9 @@ use self::staging::{SendTarget, Staging};
 
 /// Bytes of an object that are fetched at once, over several connections.
 const FETCHED_AT_ONCE: u64 = 24 << 20;
+
+/// Bytes of a file that are copied between two reports.
+const COPIED_AT_ONCE: u64 = 16 << 20;
 
 /// Whether a place is no path.
 pub fn is_address(place: &Path) -> bool {
@@ -169,7 +172,7 @@ pub fn change<T>(
 }
 
 /// As [`change`], but a file is changed as an object is: by a copy, which takes its place at the end. What a change that fails has made durable goes
-/// with the copy. Other hard links keep what was there.
+/// with the copy. Other hard links keep what was there. Of a file the first progress counts the bytes that are copied.
 ///
 /// # Errors
 /// As [`change`]; there is no room for the copy; somebody else changes the file.
@@ -190,7 +193,7 @@ pub fn change_copy<T>(
     OpenOptions::new().write(true).open(&target).map_err(writing)?;
     // It is to be written, and so not protected as an input.
     let options = ReadOptions { protect_inputs: false, ..*ReadLimits::current().options() };
-    let copy = ReadLimits::new(options).run(|| copy_beside(&target, &target, place))?;
+    let copy = ReadLimits::new(options).run(|| copy_beside(&target, &target, place, transfers[0]))?;
     let changed = change(&copy).map_err(|error| named(error, &copy, [place; 2]))?;
     let permissions = target.metadata().map_err(reading)?.permissions();
     fs::set_permissions(&copy, permissions).map_err(writing)?;
@@ -198,7 +201,8 @@ pub fn change_copy<T>(
     Ok(changed)
 }
 
-/// Copies a file and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so.
+/// Copies an asset and changes the copy, which is called `output` when it is whole. An existing file is replaced if `overwrite` says so. What earlier
+/// changes have left unused of the file is not copied where that is more than an eighth.
 ///
 /// # Errors
 /// Those of the change; there is no room for the copy; there is a file of that name, or somebody else changes it.
@@ -206,22 +210,50 @@ pub fn change_into<T>(
     from: &Path,
     output: &Path,
     overwrite: bool,
+    copying: &dyn Progress,
     change: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let replacement = Replacement::begin(output, overwrite)?;
-    let copy = copy_beside(from, output, output)?;
+    let gapless = Asset::open(from).ok().filter(|asset| asset.gap_share() > MOST_GAPS_COPIED);
+    let copy = match gapless
+        .map(|asset| asset.copy_without_gaps(output, &mut |done, total| copied(copying, from, done, total)))
+    {
+        Some(Ok(copy)) => copy.into_temp_path(),
+        Some(Err(error)) if error.kind() == ErrorKind::Io || error.is_cancelled() => return Err(error),
+        // Damage is copied, and the change says what is wrong with what is no asset.
+        _ => copy_beside(from, output, output, copying)?,
+    };
     let changed = change(&copy).map_err(|error| named(error, &copy, [from, output]))?;
     replacement.finish(copy)?;
     Ok(changed)
 }
 
 /// A copy in the folder of another file, which goes away unless it is renamed. `name`: what users call what it becomes.
-fn copy_beside(from: &Path, beside: &Path, name: &Path) -> Result<TempPath> {
+fn copy_beside(from: &Path, beside: &Path, name: &Path, progress: &dyn Progress) -> Result<TempPath> {
+    let reading = |error| Error::reading(from, error);
     let writing = |error| Error::writing(name, error);
     let mut copy = temporary_file(beside, ".tmp").map_err(writing)?;
-    let mut original = input::open(from).map_err(|error| Error::reading(from, error))?;
-    io::copy(&mut original, copy.as_file_mut()).map_err(writing)?;
-    Ok(copy.into_temp_path())
+    let original = input::open(from).map_err(reading)?;
+    let length = original.metadata().map_err(reading)?.len();
+    let mut done = 0;
+    loop {
+        copied(progress, from, done, length.max(done))?;
+        let mut part = (&original).take(COPIED_AT_ONCE);
+        match io::copy(&mut part, copy.as_file_mut()).map_err(writing)? {
+            0 => return Ok(copy.into_temp_path()),
+            count => done += count,
+        }
+    }
+}
+
+/// Reports what is copied of a file, and ends that where it is not wanted any more.
+fn copied(progress: &dyn Progress, from: &Path, done: u64, total: u64) -> Result<()> {
+    match watched(progress, done, total) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => {
+            Err(Error::cancelled(format!("copying {} was ended; nothing was changed", from.display())))
+        }
+    }
 }
 
 /// An error about a copy, which nobody knows, by the name of what it was made from; one in writing to it, by the name that it is to have.
@@ -259,6 +291,8 @@ fn fetch(place: &Path, path: &Path, progress: &dyn Progress) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Mutex;
+
     use super::*;
 
     #[test]
@@ -273,12 +307,48 @@ mod tests {
         let none = fantex_bake::NoProgress;
         let errors = [
             change_copy(&place, [&none, &none], refuse).unwrap_err(),
-            change_into(&place, &folder.path().join("b.fan"), false, refuse).unwrap_err(),
+            change_into(&place, &folder.path().join("b.fan"), false, &none, refuse).unwrap_err(),
         ];
         for error in errors {
             let sentence = format!("cannot remove the channel from {}: it has no other", place.display());
             assert_eq!((error.to_string(), error.path()), (sentence, Some(&*place)));
         }
+    }
+
+    /// Remembers the last report, and wants an end of what it is told of where it is true.
+    struct Ending(bool, Mutex<(u64, u64)>);
+
+    impl Progress for Ending {
+        fn report(&self, done: u64, total: u64) {
+            *self.1.lock().unwrap() = (done, total);
+        }
+
+        fn is_cancelled(&self) -> bool {
+            self.0
+        }
+    }
+
+    #[test]
+    fn copies_are_reported_and_can_be_ended() {
+        let folder = tempfile::tempdir().unwrap();
+        let (place, output) = (folder.path().join("a.fan"), folder.path().join("b.fan"));
+        fs::write(&place, "asset").unwrap();
+        let [goes_on, ends] = [false, true].map(|ends| Ending(ends, Mutex::default()));
+        let append = |copy: &Path| Ok(fs::write(copy, "changed").unwrap());
+        for error in [
+            change_copy(&place, [&ends, &ends], append).unwrap_err(),
+            change_into(&place, &output, false, &ends, append).unwrap_err(),
+        ] {
+            assert!(error.is_cancelled() && error.to_string().contains("a.fan"), "{error}");
+        }
+        assert_eq!(fs::read(&place).unwrap(), b"asset");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left");
+        change_into(&place, &output, false, &goes_on, append).unwrap();
+        assert_eq!(*goes_on.1.lock().unwrap(), (5, 5));
+        *goes_on.1.lock().unwrap() = (0, 0);
+        change_copy(&place, [&goes_on, &goes_on], append).unwrap();
+        assert_eq!(*goes_on.1.lock().unwrap(), (5, 5));
+        assert_eq!(fs::read(&place).unwrap(), b"changed");
     }
 
     #[test]
