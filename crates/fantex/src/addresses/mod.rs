@@ -334,7 +334,10 @@ mod tests {
         let (place, output) = (folder.path().join("a.fan"), folder.path().join("b.fan"));
         fs::write(&place, "asset").unwrap();
         let [goes_on, ends] = [false, true].map(|ends| Ending(ends, Mutex::default()));
-        let append = |copy: &Path| Ok(fs::write(copy, "changed").unwrap());
+        let append = |copy: &Path| {
+            fs::write(copy, "changed").unwrap();
+            Ok(())
+        };
         for error in [
             change_copy(&place, [&ends, &ends], append).unwrap_err(),
             change_into(&place, &output, false, &ends, append).unwrap_err(),
