@@ -3,7 +3,7 @@
 //! A set of fans is cut by a plane in space, between its normals, or between the densities asked for: across the sides of its own
 //! rectangle and along the direction in which its normals differ most, at the place where the two parts promise the least
 //! [`cost`](crate::cost). Then both parts are cut further, and what they cost in the end decides whether the cut stays: as in a decision tree (L. Breiman and
-//! others, "Classification and Regression Trees", 1984), which is grown fully and pruned from the leaves. Every cut permutes one
+//! others, "Classification and Regression Trees", 1984), which is grown while there is anything to win and pruned from the leaves. Every cut permutes one
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
 use arrayvec::ArrayVec;
