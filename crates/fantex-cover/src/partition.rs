@@ -115,8 +115,8 @@ pub(crate) struct Cutting<'a> {
 
 /// Items of a set, evenly spread. (With whole steps, of vertices numbered ring by ring all might be from one side of a tube.)
 fn samples<T>(items: &[T]) -> impl Iterator<Item = &T> {
-    let count = items.len().min(MAX_SAMPLES);
-    (0..count).map(move |i| &items[i * items.len() / count])
+    let count = items.len().min(MAX_SAMPLES) as u64;
+    (0..count).map(move |i| &items[(i * items.len() as u64 / count) as usize])
 }
 
 /// What the most lopsided cut costs more than one in the middle.
