@@ -1,9 +1,7 @@
 //! Everything that can be checked without running the product.
 
-use std::env::consts::EXE_EXTENSION;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use crate::shell::{self, Failure, capture, cargo, cargo_command, root};
 use crate::{advisories, crates, licenses};
@@ -25,22 +23,12 @@ pub(crate) fn run() -> Result<(), Failure> {
     advisories::check()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    // With examples, and so with the features that clippy has checked all crates with: these are checked once.
+    // With examples, and so with the features that clippy has checked other crates with: these are checked once.
     eprintln!("> cargo doc --workspace --no-deps, warnings denied");
     let mut doc = cargo_command(&["doc", "--workspace", "--no-deps", "--quiet", "--lib", "--examples"]);
-    shell::run(doc.env("RUSTDOCFLAGS", "-D warnings").envs(as_clippy()?))?;
+    shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
     // Trees are looked at before they are committed, too, and may have a built viewer.
     cargo(&["package", "--workspace", "--no-verify", "--allow-dirty", "--quiet"])
-}
-
-/// What `cargo clippy` tells cargo for the call above: its driver in rustc's place, with its arguments. With the same, cargo finds this
-/// workspace's crates checked; with others, it would check them once more.
-fn as_clippy() -> Result<[(&'static str, String); 2], Failure> {
-    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let folder = capture(Command::new(rustc).args(["--print", "sysroot"]))?;
-    let driver = Path::new(folder.trim()).join("bin/clippy-driver").with_extension(EXE_EXTENSION);
-    let arguments = ["-D", "warnings"].map(|argument| format!("{argument}__CLIPPY_HACKERY__")).concat();
-    Ok([("RUSTC_WORKSPACE_WRAPPER", driver.to_string_lossy().into_owned()), ("CLIPPY_ARGS", arguments)])
 }
 
 /// No Rust file of the workspace may be too long; the figures tell whether files hold whole subjects.

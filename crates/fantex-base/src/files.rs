@@ -31,7 +31,7 @@ pub fn followed(path: &Path) -> PathBuf {
     path.to_owned()
 }
 
-/// Links that lead to each other: as many as Linux follows.
+/// Links that lead to each other, at most: as many as Linux follows.
 const MAX_LINKS: usize = 40;
 
 /// Refuses a file in a folder that is not there.
@@ -48,8 +48,8 @@ pub fn check_folder_of(path: &Path) -> Result<()> {
     Err(Error::not_found(sentence).with_path(path))
 }
 
-/// A new file in the folder of `path` (where a symbolic link [leads](followed)), with the permissions that any new file gets (temporary files are private by default).
-/// It goes away unless it gets another name.
+/// A new file in the folder of `path` (where a symbolic link [leads](followed)), with the permissions that any new file gets (temporary files are
+/// private by default). It goes away unless it gets another name.
 ///
 /// # Errors
 /// The system's.

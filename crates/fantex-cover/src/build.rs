@@ -132,7 +132,7 @@ pub fn build_cover_while(
     };
     let sized = |scales: Scales| {
         let cover = assembled(scales)?;
-        // Mostly two sizes are tried; then the cover is measured.
+        // Of many groups mostly one size is tried, of few ones two; then the cover is measured.
         watch.add_half();
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };

@@ -49,6 +49,14 @@ fn used(triangles: &Triangles, is_square: bool) -> f64 {
     f64::from(counts.iter().sum::<u32>()) / counts.len() as f64
 }
 
+/// That more than a share of the picture is used, for each model.
+fn assert_used(models: &[(&str, Triangles, f64)], is_square: bool) {
+    for (name, model, least) in models {
+        let used = used(model, is_square);
+        assert!(used > *least, "{name}: {used:.3}");
+    }
+}
+
 fn block(size: DVec3) -> Triangles {
     let positions = (0..8).map(|i| size * dvec3((i & 1).into(), (i >> 1 & 1).into(), (i >> 2 & 1).into()));
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -81,10 +89,7 @@ fn few_pieces_fill_a_picture_of_any_shape() {
         ("one rectangle", loose(&[[5.0, 1.0]], false), 0.97),
         ("needle", loose(&[[400.0, 1.0]], false), 0.2),
     ];
-    for (name, model, least) in models {
-        let used = used(&model, false);
-        assert!(used > least, "{name}: {used:.3}");
-    }
+    assert_used(&models, false);
 }
 
 #[test]
@@ -97,10 +102,7 @@ fn few_pieces_fill_a_square_as_far_as_they_can() {
         // Along the diagonal: 2 * 8 / (8 + 1)^2.
         ("one long rectangle", loose(&[[8.0, 1.0]], false), 0.18),
     ];
-    for (name, model, least) in models {
-        let used = used(&model, true);
-        assert!(used > least, "{name}: {used:.3}");
-    }
+    assert_used(&models, true);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::files::persist;
+use fantex_base::files::{followed, persist};
 use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
 use tempfile::NamedTempFile;
@@ -95,7 +95,7 @@ impl AssetEditor {
         let io = |source| write_error(asset.path(), source);
         // The file that a link leads to is replaced, not the link.
         let path = asset.path();
-        let place = if path.is_symlink() { path.canonicalize().map_err(io)? } else { path.to_owned() };
+        let place = followed(path);
         let permissions = self.file.metadata().map_err(io)?.permissions();
         let rewrite = Rewrite::new(&asset, channels, mesh, self.options.zstd_level);
         let attachment = |name: &str, record: &SectionRecord| {
