@@ -285,14 +285,14 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let failed = |source| Error::writing(path, source);
     let folder = files::folder_of(path);
     std::fs::create_dir_all(folder).map_err(failed)?;
-    let Ok(target) = path.canonicalize() else {
+    if !path.exists() {
         return files::write_whole(path, true, |out| out.write_all(bytes));
-    };
+    }
     // What must not be written is not replaced either.
-    let there = OpenOptions::new().write(true).open(&target).map_err(failed)?;
+    let there = OpenOptions::new().write(true).open(path).map_err(failed)?;
     let permissions = there.metadata().map_err(failed)?.permissions();
     drop(there);
-    files::write_whole(&target, true, |out| {
+    files::write_whole(path, true, |out| {
         out.write_all(bytes)?;
         out.get_ref().set_permissions(permissions)
     })
