@@ -136,7 +136,11 @@ pub fn build_cover_while(
         watch.add_half();
         Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
     };
-    let counted = |scales: Scales| Ok(assembled(scales)?.stored_texels_of_some(mesh));
+    // What single fans store is foretold well enough.
+    let counted = |scales: Scales| match options.tile {
+        0 => Ok(None),
+        _ => Ok(assembled(scales)?.stored_texels_of_some(mesh)),
+    };
     let Sized { mut cover, texels, scale } = match options.budget {
         TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, counted, sized)?,
         _ => {
