@@ -404,7 +404,7 @@ fn too_many_layers_are_refused() {
 /// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.
 #[test]
 fn layers_whose_pictures_are_gone_are_as_they_were() {
-    let baked = fine_ball(2_000_000);
+    let baked = fine_ball(1_000_000);
     let (mut painter, before) = start(&baked);
     let picture = baked.folder.path().join("picture.png");
     Image::from_linear_rgba(4, 4, &[[0.5; 4]; 16]).save(&picture).unwrap();

@@ -28,7 +28,7 @@ fn wood() -> Layer {
 
 #[test]
 fn a_fill_that_is_interrupted_goes_on_and_is_one_step() {
-    let [whole, cut] = [0, 1].map(|_| fine_ball(2_000_000));
+    let [whole, cut] = [0, 1].map(|_| fine_ball(1_000_000));
     let (mut at_once, before) = start(&whole);
     at_once.add_layer(wood()).unwrap();
     let after = contents(&at_once);
@@ -74,7 +74,7 @@ fn a_fill_that_is_interrupted_goes_on_and_is_one_step() {
 
 #[test]
 fn what_is_given_up_leaves_nothing_behind() {
-    let baked = fine_ball(2_000_000);
+    let baked = fine_ball(1_000_000);
     let (mut painter, before) = start(&baked);
     painter.start_add_layer(wood(), LayerPlace::Top).unwrap();
     slices(&mut painter, 5);
@@ -195,7 +195,7 @@ fn goes_on(bakes: [Baked; 2], slices_at_a_time: usize, begin: impl Fn(&mut Paint
 
 #[test]
 fn a_fill_of_everything_goes_on_after_a_crash() {
-    goes_on([fine_ball(1_500_000), fine_ball(1_500_000)], 3, |painter, _| start_half(painter));
+    goes_on([fine_ball(750_000), fine_ball(750_000)], 3, |painter, _| start_half(painter));
 }
 
 /// Half is laid over each page once, though the crash is in the middle of a tile.
@@ -206,12 +206,12 @@ fn a_fill_of_large_tiles_goes_on_page_by_page() {
 
 #[test]
 fn a_projection_goes_on_after_a_crash() {
-    goes_on([fine_ball(1_500_000), fine_ball(1_500_000)], 3, start_projection);
+    goes_on([fine_ball(750_000), fine_ball(750_000)], 3, start_projection);
 }
 
 #[test]
 fn what_is_given_up_leaves_the_asset_as_it_was() {
-    for baked in [fine_ball(1_500_000), sheet()] {
+    for baked in [fine_ball(750_000), sheet()] {
         let (mut painter, before) = start(&baked);
         let names = painter.editor().attachment_names();
         start_half(&mut painter);
@@ -238,7 +238,7 @@ fn what_is_given_up_leaves_the_asset_as_it_was() {
 /// What a fill by colour compares is what was seen before it, which a crash takes away.
 #[test]
 fn a_fill_by_colour_is_taken_back_after_a_crash() {
-    let baked = fine_ball(1_500_000);
+    let baked = fine_ball(750_000);
     let (mut painter, before) = start(&baked);
     let point = painter.surface().nearest(Vec3::NEG_Y, f32::INFINITY).unwrap();
     let fill = ColorFill { tolerance: 2.0, softness: 0.1, connected: false };
@@ -257,7 +257,7 @@ fn a_fill_by_colour_is_taken_back_after_a_crash() {
 /// What dabs have covered counts, too, once.
 #[test]
 fn a_fill_takes_the_dabs_before_it_along() {
-    let baked = fine_ball(1_500_000);
+    let baked = fine_ball(750_000);
     let mut painter = open(&baked);
     let surface = Arc::clone(painter.surface());
     let dabs = fantex_paint::dabs_of(&surface, &stroke(&surface, 60.0, &[Vec3::X, Vec3::Y]));
@@ -279,7 +279,7 @@ fn a_fill_takes_the_dabs_before_it_along() {
 /// The base that lies under the layers is in the asset once, not in the history as well.
 #[test]
 fn the_history_of_a_layer_over_everything_keeps_no_bases() {
-    let baked = fine_ball(1_500_000);
+    let baked = fine_ball(750_000);
     let (mut painter, before) = start(&baked);
     let bytes = |painter: &Painter, prefix: &str| -> usize {
         let names = painter.editor().attachment_names();
