@@ -37,7 +37,6 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
         (true, false) => arguments.push("--include-ignored"),
         (false, _) => {}
     }
-    prepare_graphics();
     if web::has_target() {
         // Programs that are built from here on have it; the tests in a browser want it.
         prepare_browser();
@@ -52,13 +51,15 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     // What leaves cores idle is done beside the rest: downloads while crates are compiled, doc tests beside the others.
     let result = thread::scope(|scope| {
         let environment = scope.spawn(|| Environment::prepare(&list));
+        let graphics = scope.spawn(prepare_graphics);
         // At once: the last crates of one build would be compiled by one core each.
         run_cargo(&["build", "--workspace", "--lib", "--bins", "--tests", "--examples"], &list)?;
+        joined(graphics)?;
         let documentation = scope.spawn(|| run_documentation(&list));
         let result = run_cargo(&arguments, &list);
-        let documentation = joined(documentation);
+        let documentation = joined(documentation).flatten();
         let examples = run_examples(&list);
-        let python = joined(environment).and_then(|made| match made {
+        let python = joined(environment).flatten().and_then(|made| match made {
             Some(environment) => python::run(&environment, &list, slow),
             None => Ok(()),
         });
@@ -73,8 +74,8 @@ fn run_documentation(list: &Path) -> Result<(), Failure> {
     run_beside(&mut test_command(&arguments, list))
 }
 
-fn joined<T>(thread: ScopedJoinHandle<'_, Result<T, Failure>>) -> Result<T, Failure> {
-    thread.join().unwrap_or_else(|_| Err(Failure::new("a thread of this program panicked")))
+fn joined<T>(thread: ScopedJoinHandle<'_, T>) -> Result<T, Failure> {
+    thread.join().map_err(|_| Failure::new("a thread of this program panicked"))
 }
 
 /// How many tests run side by side: many wait for servers, browsers or windows, and others run meanwhile.

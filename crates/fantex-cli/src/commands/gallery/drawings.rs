@@ -297,7 +297,7 @@ fn light_map(gallery: &Gallery<'_>) -> Pictures {
         let lights = if is_open { Vec::new() } else { vec![lamp] };
         let sky: &dyn Sky = if is_open { &day } else { &night };
         let scene = LightScene { lights, sky, reflector: &reflector };
-        let light_options = LightMapOptions { quantity, samples: 256, ..LightMapOptions::default() };
+        let light_options = LightMapOptions { quantity, samples: 64, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, gallery)?;
         let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());
