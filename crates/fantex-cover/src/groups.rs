@@ -122,14 +122,18 @@ pub(crate) fn group_fans(
     };
     expect_ways(watch, ways.len());
     let fans = FanSet { surface, shapes, density };
-    let mut cut: Option<(f32, Partition)> = None;
-    let mut tried = |number: usize| {
-        let (normals_below, k) = ways[number];
+    let mut cut: Option<([f32; 2], Partition)> = None;
+    let extent_texels = (WIDER * limits.extent_texels).min(MAX_SHARED_LENGTH.max(limits.extent_texels));
+    let wide = GroupLimits { extent_texels, ..*limits };
+    let mut tried = |number: usize, way: usize, is_wide: bool| {
+        let limits = if is_wide { &wide } else { limits };
+        let GroupLimits { extent_texels, .. } = *limits;
+        let (normals_below, k) = ways[way];
         watch.begin(time::grouped(number) + time::CUT, shapes.len())?;
-        let (_, partition) = match cut.take().filter(|(below, _)| *below == normals_below) {
+        let by = [normals_below, extent_texels];
+        let (_, partition) = match cut.take().filter(|(other, _)| *other == by) {
             Some(cut) => cut,
             None => {
-                let extent_texels = limits.extent_texels;
                 let cutting = Cutting {
                     extent_texels,
                     tolerances: TOLERANCES,
@@ -137,19 +141,25 @@ pub(crate) fn group_fans(
                     is_thorough: is_small,
                     watch,
                 };
-                (normals_below, partition(&fans, &cutting))
+                (by, partition(&fans, &cutting))
             }
         };
-        let (order, lengths) = &cut.insert((normals_below, partition)).1;
+        let (order, lengths) = &cut.insert((by, partition)).1;
         grouped(fans, limits, (order, &lengths[k]), (number, watch))
     };
-    let mut best = tried(0)?;
+    let mut best = tried(0, 0, false)?;
     let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
-    let count = if may_gain { ways.len() } else { 1 };
+    let mut count = if may_gain { ways.len() } else { 1 };
     expect_ways(watch, count);
     for number in 1..count {
-        let next = tried(number)?;
+        let next = tried(number, number, false)?;
         best = if next.cost < best.cost { next } else { best };
+    }
+    if may_gain && extent_texels > limits.extent_texels && best.loss() > TORN_DB {
+        let next = tried(count, 0, true)?;
+        best = if next.loss() < best.loss() - LOSSY_DB { next } else { best };
+        count += 1;
+        expect_ways(watch, count);
     }
     drop(cut);
     let Grouped { mut builder, mut patches, .. } = best;
@@ -186,6 +196,11 @@ const MAX_UNROLLED_FLAT_FANS: usize = 500_000;
 
 /// Decibels beside as many ideal texels.
 const LOSSY_DB: f32 = 2.5;
+
+/// Meshes that lose so many decibels may be torn, as combs are whose teeth are longer than a tile: each is a piece by itself. They are tried with tiles
+/// that are longer by this factor.
+const TORN_DB: f32 = 6.0;
+const WIDER: f32 = 8.0;
 
 /// The share of the area around vertices where nothing is bent, above which a model has flat faces.
 const MIN_FLAT_SHARE: f32 = 0.25;

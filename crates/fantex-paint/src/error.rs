@@ -8,7 +8,7 @@ use fantex_base::{Error, ErrorKind, Result};
 use fantex_store::{Asset, io_cause, is_disk_full};
 use serde::Serialize;
 
-/// The temporary files of a stroke cannot be written or read.
+/// The temporary files of a stroke cannot be written or read. They have no path.
 pub(crate) fn temporary(source: io::Error) -> Error {
     let sentence = format!(
         "cannot keep the stroke's pages in a temporary file: {source}; free some space or raise the memory budget"
@@ -16,9 +16,11 @@ pub(crate) fn temporary(source: io::Error) -> Error {
     Error::new(ErrorKind::Io, sentence).with_source(source)
 }
 
-/// That the disk is full, as somebody needs to know it whose changes go with the [`Painter`](crate::Painter); other errors as they are.
+/// That the asset's disk is full, as somebody needs to know it whose changes go with the [`Painter`](crate::Painter); other errors, that of the disk
+/// of temporary files among them, as they are.
 pub fn without_room(error: Error, asset: &Path) -> Error {
-    match io_cause(&error).filter(|_| is_disk_full(&error)) {
+    let is_of_asset = error.path().is_some();
+    match io_cause(&error).filter(|_| is_of_asset && is_disk_full(&error)) {
         Some(cause) => {
             let asset_text = asset.display();
             let sentence = format!(

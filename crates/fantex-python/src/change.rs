@@ -70,7 +70,9 @@ pub(crate) fn paint(
             || alpha.is_some()
             || strokes.is_some_and(StrokeFile::commits_between);
         let summary = match commits_between {
-            true => change_copy(&asset, [watch, watch], paint)?,
+            true => {
+                change_copy(&asset, [watch, watch], paint).map_err(|error| without_room(error, &asset))?
+            }
             false => {
                 change(&asset, [watch, watch], |path| paint(path).map_err(|error| without_room(error, path)))?
             }

@@ -205,7 +205,8 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let mut info = match &args.output {
         None if args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
-            let info = change_copy(&args.asset, [&context.step("copying", "MB"), &NoProgress], paint)?;
+            let changed = change_copy(&args.asset, [&context.step("copying", "MB"), &NoProgress], paint);
+            let info = changed.map_err(|error| without_room(error, &args.asset))?;
             PaintInfo { output: (&args.asset).into(), ..info }
         }
         None => {

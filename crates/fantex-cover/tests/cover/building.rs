@@ -105,6 +105,29 @@ fn long_strips_side_by_side_share_tiles() {
     }
 }
 
+/// Teeth that are longer than a tile would each be a piece by itself.
+#[test]
+fn a_comb_of_long_teeth_is_not_torn() {
+    let mut comb = Model::default();
+    let mut quad = |[x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| {
+        let first = comb.positions.len() as u32;
+        comb.positions.extend([[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, 0.0)));
+        comb.triangles.extend([[0, 1, 2], [0, 2, 3]].map(|t| t.map(|v| v + first)));
+    };
+    for tooth in 0..1000 {
+        let [x, middle, next] = [0.0, 0.9, 1.0].map(|share| 0.01 * (f64::from(tooth) + share));
+        quad([x, middle], [-1.0, 0.0]);
+        quad([middle, next], [-1.0, 0.0]);
+        quad([x, middle], [0.0, 20.0]);
+    }
+    let mesh = cleaned(comb);
+    for texels in [300_000, 1_000_000, 4_000_000] {
+        let losses = [1024, 65_536]
+            .map(|tile| build_cover(&mesh, &options(tile, TexelBudget::Total(texels))).unwrap().1.loss_db);
+        assert!(losses[0] < losses[1] + 2.0, "{texels} texels: {losses:?} dB");
+    }
+}
+
 /// Where tiles are alike they all grow at once, and a step may be wide; but no tile grows beyond the budget.
 #[test]
 fn alike_tiles_take_what_fits() {

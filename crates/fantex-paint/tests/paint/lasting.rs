@@ -1,9 +1,10 @@
 //! What was painted lasts: strokes that nobody ended, bases of hidden layers, histories that are not kept, lists that are damaged.
 
+use std::io;
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
-use fantex_base::Error;
+use fantex_base::{Error, ErrorKind};
 use fantex_paint::{
     GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target, TextureGraph, dabs_of, replay,
     without_room,
@@ -242,6 +243,10 @@ fn a_full_disk_is_told_of_as_somebody_can_act_on_it() {
     assert!(!error.contains("commit"), "{error}");
     let other = without_room(Error::invalid("another"), &baked.path);
     assert_eq!(other.to_string(), "another");
+    // The disk of temporary files is another one, and has no path of the asset's.
+    let full = io::Error::from(io::ErrorKind::StorageFull);
+    let elsewhere = Error::new(ErrorKind::Io, "cannot keep pages").with_source(full);
+    assert_eq!(without_room(elsewhere, &baked.path).to_string(), "cannot keep pages");
 }
 
 /// Who replays strokes knows from the file whether some of them are durable before all are.
