@@ -419,7 +419,7 @@ impl Link {
     /// Adds its part of the matrix times the first argument to the second.
     #[inline]
     fn add_product(&self, values: &[DVec2], image: &mut [DVec2]) {
-        let [one, other] = self.ends.map(|end| end as usize);
+        let [one, other] = [self.ends[0] as usize, self.ends[1] as usize];
         let [xx, xy, yy] = self.block;
         let DVec2 { x, y } = values[one] - values[other];
         let product = DVec2::new(xx * x + xy * y, xy * x + yy * y);

@@ -9,7 +9,9 @@
 //! Pieces are joined as long as one projection serves the union. From there it is stretch that counts, not a direction: fewer charts
 //! have less border, and border costs padding.
 
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
+use std::sync::LazyLock;
 
 use fantex_base::UnionFind;
 use fantex_cover::{Rectangle, RectangleFinder, SPAN_SLACK, span};
@@ -222,7 +224,7 @@ fn edges(mesh: &Mesh, across: &[u32]) -> Vec<Edge> {
 }
 
 /// A mesh is divided into about so many atoms, or more where normals differ; one of fewer triangles has an atom for each.
-const ATOMS: usize = 1 << 13;
+const ATOMS: usize = 1 << 12;
 
 /// The atom of every triangle, numbered from 0 in the order of their first triangles. From the first triangle that has none an atom grows ring
 /// by ring over those that its mean normal faces by [`STEEPEST_DEGREES`] at most. `facets`: normals, as long as twice the areas.
@@ -377,10 +379,7 @@ impl Joiner {
             return None;
         }
         let direction = (first.facing + second.facing).try_normalize()?;
-        let cosine = first.normals.facing(&second.normals, direction, all)?;
-        if cosine < most {
-            return None;
-        }
+        let cosine = first.normals.facing(&second.normals, direction, [most, all])?;
         let border = first.borders.get(&b).copied().unwrap_or(0.0);
         let share = border / first.perimeter.min(second.perimeter).max(f32::MIN_POSITIVE);
         let cost = 2.0 * (1.0 - cosine) + (1.0 - share);
@@ -469,47 +468,70 @@ impl NormalSet {
     }
 
     fn union(&self, other: &Self) -> Self {
-        let mut cells = self.cells.clone();
-        cells.extend(&other.cells);
-        cells.sort_by_key(|cell| cell.0);
-        cells.dedup_by(|next, kept| {
-            let is_same = next.0 == kept.0;
-            kept.1 += if is_same { next.1 } else { 0.0 };
-            is_same
-        });
+        let mut cells = Vec::with_capacity(self.cells.len() + other.cells.len());
+        let (mut one, mut two) = (&self.cells[..], &other.cells[..]);
+        while let ([a, one_rest @ ..], [b, two_rest @ ..]) = (one, two) {
+            cells.push(match a.0.cmp(&b.0) {
+                Ordering::Less => *a,
+                Ordering::Equal => (a.0, a.1 + b.1),
+                Ordering::Greater => *b,
+            });
+            (one, two) = (if a.0 <= b.0 { one_rest } else { one }, if b.0 <= a.0 { two_rest } else { two });
+        }
+        cells.extend(one.iter().chain(two));
         Self { cells }
     }
 
     /// The cosine between a unit direction and the middles of the cells that all but a [`STEEP_SHARE`] of the area of both sets exceeds;
-    /// none where one is below `least`.
-    fn facing(&self, other: &Self, direction: Vec3, least: f32) -> Option<f32> {
-        let both = self.cells.iter().chain(&other.cells);
-        let mut cosines: Vec<(f32, f32)> =
-            both.map(|&(cell, area)| (direction.dot(middle(usize::from(cell))), area)).collect();
-        if cosines.iter().any(|cosine| cosine.0 < least) {
+    /// none where that is below `most`, or any is below `all`.
+    fn facing(&self, other: &Self, direction: Vec3, [most, all]: [f32; 2]) -> Option<f32> {
+        let both = || self.cells.iter().chain(&other.cells);
+        let cosine = |cell: u16| direction.dot(middle(cell));
+        let (mut area, mut steep) = (0.0, 0.0);
+        for &(cell, share) in both() {
+            let cosine = cosine(cell);
+            if cosine < all {
+                return None;
+            }
+            area += share;
+            steep += if cosine < most { share } else { 0.0 };
+        }
+        // Most pairs end here. Those that rounding decides do not.
+        if steep > SURELY * STEEP_SHARE * area {
             return None;
         }
-        cosines.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut cosines: Vec<(f32, f32)> = both().map(|&(cell, area)| (cosine(cell), area)).collect();
+        cosines.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         let mut rest = STEEP_SHARE * cosines.iter().map(|cosine| cosine.1).sum::<f32>();
         let steep = cosines.iter().find(|cosine| {
             rest -= cosine.1;
             rest < 0.0
         });
-        steep.or(cosines.last()).map(|cosine| cosine.0)
+        steep.or(cosines.last()).map(|cosine| cosine.0).filter(|&cosine| cosine >= most)
     }
 }
+
+/// Sums that differ by this factor do so beyond rounding.
+const SURELY: f32 = 1.001;
 
 /// The lower half of the octahedron is folded outwards.
 fn folded(p: Vec2) -> Vec2 {
     (1.0 - p.yx().abs()) * Vec2::ONE.copysign(p)
 }
 
-fn middle(index: usize) -> Vec3 {
-    let coordinate = |cell: usize| (cell as f32 + 0.5) / CELLS as f32 * 2.0 - 1.0;
-    let p = Vec2::new(coordinate(index % CELLS), coordinate(index / CELLS));
-    let z = 1.0 - p.x.abs() - p.y.abs();
-    let p = if z < 0.0 { folded(p) } else { p };
-    p.extend(z).normalize_or(Vec3::Z)
+/// The direction in the middle of a cell.
+fn middle(cell: u16) -> Vec3 {
+    static MIDDLES: LazyLock<Vec<Vec3>> = LazyLock::new(|| {
+        let coordinate = |cell: usize| (cell as f32 + 0.5) / CELLS as f32 * 2.0 - 1.0;
+        let middle = |index: usize| {
+            let p = Vec2::new(coordinate(index % CELLS), coordinate(index / CELLS));
+            let z = 1.0 - p.x.abs() - p.y.abs();
+            let p = if z < 0.0 { folded(p) } else { p };
+            p.extend(z).normalize_or(Vec3::Z)
+        };
+        (0..CELLS * CELLS).map(middle).collect()
+    });
+    MIDDLES[usize::from(cell)]
 }
 
 // ---- Cutting patches whose projection overlaps itself.
@@ -720,7 +742,7 @@ mod tests {
             let normal = Vec3::new(r * angle.cos(), r * angle.sin(), z);
             let mut set = NormalSet::default();
             set.insert(normal);
-            let off = set.facing(&set, normal, -1.0).unwrap().acos().to_degrees();
+            let off = set.facing(&set, normal, [-1.0; 2]).unwrap().acos().to_degrees();
             assert!(off < 8.0, "{normal}: {off} degrees");
         }
     }

@@ -94,15 +94,16 @@ impl Masks {
 
     /// Columns and rows that they take where they lie.
     fn box_of(&self, places: &[Place]) -> [u32; 2] {
-        let corner = |(mask, place): (&Mask, &Place)| {
-            let [width, height] = match place.turn % 2 {
-                0 => [mask.width, mask.height],
-                _ => [mask.height, mask.width],
-            };
-            [place.at[0] + width, place.at[1] + height]
-        };
-        let corners = self.masks.iter().zip(places).map(corner);
+        let corners = (0..).zip(places).map(|(index, &place)| self.corner(index, place));
         corners.fold([0; 2], |all, corner| [all[0].max(corner[0]), all[1].max(corner[1])])
+    }
+
+    /// The first column and row behind one of them.
+    fn corner(&self, index: usize, Place { at, turn }: Place) -> [u32; 2] {
+        let mask = &self.masks[index];
+        let [width, height] =
+            if turn % 2 == 0 { [mask.width, mask.height] } else { [mask.height, mask.width] };
+        [at[0] + width, at[1] + height]
     }
 
     /// One of them the first so many ways around, at the resolution of a packing.
@@ -177,27 +178,56 @@ pub(crate) fn pack(
         return None;
     }
     let in_order = |(order, random): &mut (Vec<usize>, Random)| {
+        let mut filled = Filled::none(order.len());
         // Rows hold a little more now and then.
         if has_strips(order.len()) {
             let mut packing = Packing { has_strips: true, ..Packing::new(masks.size, MAX_TESTS) };
-            if let Ok(places) = packing.fill(masks, order) {
-                return Some(places);
+            if packing.fill(masks, order, &mut filled).is_ok() {
+                return Some(filled.places);
             }
+            filled.kept = 0;
         }
         for change in 0..=changes {
-            match Packing::new(masks.size, MAX_TESTS).fill(masks, order) {
-                Ok(places) => return Some(places),
+            match Packing::new(masks.size, MAX_TESTS).fill(masks, order, &mut filled) {
+                Ok(()) => return Some(filled.places),
                 Err(number) if number > 0 && change < changes && !progress.is_cancelled() => {
-                    order[random.below(number as u64) as usize..=number].rotate_right(1);
+                    filled.kept = filled.kept.min(bring_forward(order, number, random));
                 }
                 Err(_) => return None,
             }
         }
         None
     };
-    // All of them to their end, so that they are the same on any number of threads.
-    let packed: Vec<_> = orders.0.par_iter_mut().map(in_order).collect();
-    packed.into_iter().flatten().next()
+    // The others to their end, so that they are the same on any number of threads.
+    let (first, others) = orders.0.split_first_mut()?;
+    if let Some(places) = in_order(first) {
+        return Some(places);
+    }
+    let packed: Vec<_> = others.par_iter_mut().map(in_order).collect();
+    let (number, places) = (1..).zip(packed).find_map(|(number, places)| Some((number, places?)))?;
+    // What fits one density is likely to fit the next.
+    orders.0[..=number].rotate_right(1);
+    Some(places)
+}
+
+/// Brings what found no room to a place by chance before. Returns how many before that stay as they are.
+fn bring_forward(order: &mut [usize], number: usize, random: &mut Random) -> usize {
+    let first = random.below(number as u64) as usize;
+    order[first..=number].rotate_right(1);
+    first
+}
+
+/// Where masks lie in a picture.
+struct Filled {
+    places: Vec<Place>,
+    /// So many, the first ones in the order, lie where they would in the next picture, too.
+    kept: usize,
+}
+
+impl Filled {
+    fn none(count: usize) -> Self {
+        Self { places: vec![Place::default(); count], kept: 0 }
+    }
 }
 
 /// Where masks lie in a box around them.
@@ -230,20 +260,26 @@ pub(crate) fn pack_tightly(
 ) -> Option<Boxed> {
     let mut best: Option<Boxed> = None;
     for (mut order, mut random) in orders.0 {
-        let mut change = 0;
+        let (mut change, mut filled) = (0, Filled::none(order.len()));
         while change <= changes && !progress.is_cancelled() {
             let rows = match &best {
                 Some(best) => (best.area() as f64 * (1.0 - SHRUNK) / f64::from(columns)) as u32,
                 None => rows,
             };
-            match Packing::new([columns, rows], MAX_TESTS).fill(masks, &order) {
-                Ok(places) => {
+            let reaches_below = |&i: &usize| masks.corner(i, filled.places[i])[1] > rows;
+            let below = order[..filled.kept].iter().position(reaches_below);
+            filled.kept = below.unwrap_or(filled.kept);
+            match Packing::new([columns, rows], MAX_TESTS).fill(masks, &order, &mut filled) {
+                Ok(()) => {
+                    let places = filled.places.clone();
                     best = Some(Boxed { size: masks.box_of(&places), places, order: order.clone() });
                     change = 0;
                     continue;
                 }
                 Err(0) => break,
-                Err(number) => order[random.below(number as u64) as usize..=number].rotate_right(1),
+                Err(number) => {
+                    filled.kept = filled.kept.min(bring_forward(&mut order, number, &mut random));
+                }
             }
             change += 1;
         }
@@ -299,15 +335,27 @@ impl Packing {
     ///
     /// Where that takes too many tests, the remaining masks lie at every second column and row, then at every fourth, and so on.
     ///
+    /// What is kept in `filled` lies there already; afterwards it has all that was placed.
+    ///
     /// # Errors
     /// The number in the order of the mask for which there is no place.
-    fn fill(&mut self, masks: &Masks, order: &[usize]) -> Result<Vec<Place>, usize> {
-        let mut places = vec![Place::default(); order.len()];
+    fn fill(&mut self, masks: &Masks, order: &[usize], filled: &mut Filled) -> Result<(), usize> {
+        let Filled { places, kept } = filled;
         // Column and row from which on sizes look for a place.
         let mut starts = [[0u32; 2]; 64];
-        for (number, &i) in order.iter().enumerate() {
+        let class = |i: usize| masks.counts[i].max(1).ilog2() as usize;
+        for &i in &order[..*kept] {
+            let Place { at, turn } = places[i];
+            self.grid.stamp(&masks.pieces[i][usize::from(turn)].mask, at[0], at[1]);
+            let row = &mut starts[class(i)][1];
+            *row = (*row).max(at[1]);
+        }
+        if *kept > 0 {
+            self.find_gaps();
+        }
+        for (number, &i) in order.iter().enumerate().skip(*kept) {
             let turns = if number < MAX_TURNED { 4 } else { 1 };
-            let class = masks.counts[i].max(1).ilog2() as usize;
+            let class = class(i);
             let place = loop {
                 let start = starts[class];
                 let mut pieces = masks.pieces(i, turns, self.shift);
@@ -324,6 +372,7 @@ impl Packing {
                     return Err(number);
                 }
                 self.coarsen();
+                *kept = 0;
                 starts = starts.map(|start| start.map(|n| n / 2));
             };
             starts[class] = match number < MAX_TURNED {
@@ -331,8 +380,11 @@ impl Packing {
                 false => place.at,
             };
             places[i] = Place { at: place.at.map(|n| n << self.shift), turn: place.turn };
+            if self.shift == 0 && !masks.pieces.is_empty() {
+                *kept = number + 1;
+            }
         }
-        Ok(places)
+        Ok(())
     }
 
     /// The free place from a column and row on, or before them, in strips of so many columns, each from above.
@@ -431,9 +483,14 @@ impl Packing {
 
     fn coarsen(&mut self) {
         self.grid = self.grid.coarsened(1, self.grid.width / 2, self.grid.height / 2);
-        self.gaps = (0..self.grid.height).map(|row| self.grid.longest_gap(row)).collect();
+        self.find_gaps();
         self.shift += 1;
         self.earlier_tests = self.tests;
+    }
+
+    fn find_gaps(&mut self) {
+        self.gaps.clear();
+        self.gaps.extend((0..self.grid.height).map(|row| self.grid.longest_gap(row)));
     }
 }
 
@@ -510,8 +567,9 @@ mod tests {
         let order: Vec<usize> = (0..60).collect();
         for max_tests in [0, 3_000, 30_000] {
             let mut packing = Packing::new([1024; 2], max_tests);
-            let places = packing.fill(&masks, &order).unwrap();
-            assert_apart(&masks.masks, &places, [1024; 2]);
+            let mut filled = Filled::none(60);
+            packing.fill(&masks, &order, &mut filled).unwrap();
+            assert_apart(&masks.masks, &filled.places, [1024; 2]);
             assert_eq!(packing.grid.width << packing.shift, 1024);
             if max_tests == 0 {
                 assert_eq!(packing.grid.width, MIN_COARSE_SIDE);
@@ -545,11 +603,12 @@ mod tests {
             let masks = Masks::new(masks, [1024; 2]);
             let order: Vec<usize> = (0..240).collect();
             let mut packing = Packing::new([1024; 2], MAX_TESTS);
-            let places = packing.fill(&masks, &order);
+            let mut filled = Filled::none(240);
+            let result = packing.fill(&masks, &order, &mut filled);
             assert!(packing.tests < 1 << 20, "radius {radius}: {} tests", packing.tests);
-            assert!(places.is_ok() || !fits);
-            if let Ok(places) = places {
-                assert_apart(&masks.masks, &places, [1024; 2]);
+            assert!(result.is_ok() || !fits);
+            if result.is_ok() {
+                assert_apart(&masks.masks, &filled.places, [1024; 2]);
             }
         }
     }
@@ -579,6 +638,26 @@ mod tests {
             fuller += u32::from(changed < by_size);
         }
         assert!(fuller >= 8, "{fuller} of 12");
+    }
+
+    /// What is kept lies where it would come to lie again, and so does all that follows.
+    #[test]
+    fn masks_that_are_kept_lie_where_they_would() {
+        let mut random = Random::new(6);
+        let masks = Masks::few((0..40).map(|_| scattered(&mut random, 30)).collect());
+        let mut order: Vec<usize> = (0..40).collect();
+        let (mut filled, mut kept) = (Filled::none(40), 0);
+        for _ in 0..30 {
+            let mut anew = Filled::none(40);
+            let expected = Packing::new([70; 2], MAX_TESTS).fill(&masks, &order, &mut anew);
+            kept += filled.kept;
+            assert_eq!(Packing::new([70; 2], MAX_TESTS).fill(&masks, &order, &mut filled), expected);
+            let number = expected.unwrap_err();
+            assert!((filled.kept, anew.kept) == (number, number));
+            assert!(order[..number].iter().all(|&i| filled.places[i] == anew.places[i]));
+            filled.kept = bring_forward(&mut order, number, &mut random);
+        }
+        assert!(kept > 0);
     }
 
     /// Rectangles and scattered blocks lie apart in their box, which other orders make smaller.

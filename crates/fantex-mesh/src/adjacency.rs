@@ -113,7 +113,7 @@ fn atomic_zeros(count: usize) -> Vec<AtomicU32> {
 
 // The edges of a mesh with the triangles at each.
 
-/// All edges of a mesh, in the order of their vertices. Gathering them takes a sort of the half-edges, in parallel.
+/// All edges of a mesh, in the order of their vertices.
 ///
 /// A half-edge `3 * triangle + k` runs from the triangle's corner `k` to the next one.
 #[derive(Debug)]
@@ -133,15 +133,29 @@ pub struct Edge<'a> {
 impl<'m> Edges<'m> {
     /// Of a mesh's triangles, of which there are less than 2^32 / 3.
     pub fn of(triangles: &'m [[u32; 3]]) -> Self {
-        let of_triangle = |(t, triangle): (usize, &[u32; 3])| {
-            let [a, b, c] = *triangle;
-            [(a, b), (b, c), (c, a)].into_iter().zip(3 * t as u32..).map(|((from, to), half_edge)| {
-                (u64::from(from.min(to)) << 32 | u64::from(from.max(to)), half_edge)
-            })
-        };
-        let mut half_edges: Vec<(u64, u32)> =
-            triangles.par_iter().enumerate().flat_map_iter(of_triangle).collect();
-        half_edges.par_sort_unstable();
+        let of_triangle = |&[a, b, c]: &[u32; 3]| [(a, b), (b, c), (c, a)];
+        let all = || (0u32..).zip(triangles.iter().flat_map(of_triangle));
+        // By lower vertex: counted, then put where those of the vertex begin, each beginning moving on to its end.
+        let mut ends = vec![0u32; triangles.as_flattened().iter().max().map_or(0, |&last| last as usize + 1)];
+        all().for_each(|(_, (from, to))| ends[from.min(to) as usize] += 1);
+        let mut count = 0;
+        for end in &mut ends {
+            count += std::mem::replace(end, count);
+        }
+        let mut half_edges = vec![(0u64, 0u32); 3 * triangles.len()];
+        for (half_edge, (from, to)) in all() {
+            let (lower, higher) = (from.min(to), from.max(to));
+            let place = &mut ends[lower as usize];
+            half_edges[*place as usize] = (u64::from(lower) << 32 | u64::from(higher), half_edge);
+            *place += 1;
+        }
+        let mut rest = &mut half_edges[..];
+        let mut first = 0;
+        for end in ends {
+            let (at_vertex, others) = rest.split_at_mut((end - first) as usize);
+            at_vertex.sort_unstable();
+            (rest, first) = (others, end);
+        }
         Self { triangles, half_edges }
     }
 

@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import os
-import tempfile
 import threading
 from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
@@ -589,6 +588,9 @@ class Asset:
                     kind = type(strokes).__name__
                     raise TypeError(f"strokes is of type {kind}; expected a path, a dictionary, a list of strokes or an Asset")
                 strokes = {"version": 1, "strokes": list(strokes)}
+            # It takes as long to import as all of the package's own modules together.
+            import tempfile
+
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
                 with io.open(path, "w", encoding="utf-8") as file:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import uuid
 import warnings
 from dataclasses import dataclass
 from typing import Any, Dict, List, Optional, Sequence, Tuple
@@ -102,7 +101,7 @@ def _write(path: str, data: bytes) -> None:
             file.write(data)
         return
     folder, name = os.path.split(path)
-    unfinished = os.path.join(folder, f".{uuid.uuid4().hex}.tmp")
+    unfinished = os.path.join(folder, f".{os.urandom(16).hex()}.tmp")
     try:
         with io.open(unfinished, "xb") as file:
             file.write(data)
