@@ -1,7 +1,7 @@
 //! How each fan is laid flat: projected along its best direction, or unfolded.
 
 use fantex_mesh::unit_vector;
-use glam::{DVec2, Vec2, Vec3, Vec3Swizzles};
+use glam::{DVec2, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 use crate::cone::{Cone, narrowest_cone};
 use crate::cost::error_at;
@@ -41,10 +41,13 @@ impl Reach {
         Self { diagonal: diagonal * scale, mixed: mixed * (2.0 * scale) }
     }
 
-    /// Along a unit vector.
+    /// Along three unit vectors. Given are the x, y and z of their squares, and of their products yz, zx, xy.
     #[inline]
-    pub(crate) fn along(&self, axis: Vec3) -> f32 {
-        (self.diagonal.dot(axis * axis) + self.mixed.dot(axis.yzx() * axis.zxy())).max(0.0).sqrt()
+    pub(crate) fn along_three(&self, [squares, products]: &[[Vec3A; 3]; 2]) -> Vec3A {
+        let sum = |[x, y, z]: &[Vec3A; 3], v: Vec3| *x * v.x + *y * v.y + *z * v.z;
+        let along = sum(squares, self.diagonal) + sum(products, self.mixed);
+        let squared = along.max(Vec3A::ZERO);
+        Vec3A::from(squared.to_array().map(f32::sqrt))
     }
 }
 

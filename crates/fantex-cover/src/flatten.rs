@@ -1,6 +1,8 @@
 //! Lays a group flat: direction, rotation, bounding rectangle, and whether that is valid.
 
 use std::ops::{Add, Mul};
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_mesh::FanCorner;
 use glam::{Vec2, Vec3};
@@ -252,7 +254,7 @@ pub(crate) fn unfolded_rectangle(
 #[derive(Clone, Copy)]
 pub(crate) struct Membership<'a> {
     /// Group of each fan.
-    pub(crate) fan_groups: &'a [u32],
+    pub(crate) fan_groups: &'a [AtomicU32],
     /// The group in question.
     pub(crate) group: u32,
 }
@@ -260,7 +262,7 @@ pub(crate) struct Membership<'a> {
 impl Membership<'_> {
     #[inline]
     fn holds(&self, fan: u32) -> bool {
-        self.fan_groups[fan as usize] == self.group
+        self.fan_groups[fan as usize].load(Relaxed) == self.group
     }
 }
 

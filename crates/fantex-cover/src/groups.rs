@@ -1,6 +1,8 @@
 //! From fans to groups that are laid flat.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 
 use arrayvec::ArrayVec;
 use fantex_base::Result;
@@ -12,7 +14,7 @@ use crate::connect::Connector;
 use crate::cost::least_unfolded_cost;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership};
-use crate::merge::{MergeLimits, choose_unions, neighbours, shared_outline};
+use crate::merge::{Borders, MergeLimits, choose_unions, shared_outline};
 use crate::nominal::{Demand, NominalDensity};
 use crate::partition::{Cutting, FanSet, Partition, partition};
 use crate::surface::Surface;
@@ -170,7 +172,8 @@ pub(crate) fn group_fans(
         builder.number_groups(&patches);
     }
     let laid = patches.into_iter().map(|patch| patch.laid(&builder.order, density)).collect();
-    Ok(Grouping { laid, fan_groups: builder.fan_groups })
+    let fan_groups = builder.fan_groups.into_iter().map(AtomicU32::into_inner).collect();
+    Ok(Grouping { laid, fan_groups })
 }
 
 /// Tells how long a cover of so many fans takes at most, most probably.
@@ -268,7 +271,7 @@ fn grouped<'a>(
     watch.begin(begun + time::CONNECTED, 0)?;
     let mut connector = Connector::new(fans);
     let (order, lengths) = connector.connect(order, lengths, limits.facing);
-    let fan_groups = vec![0; count];
+    let fan_groups = (0..count).map(|_| AtomicU32::new(0)).collect();
     let apart = surface.fans_across_creases();
     let mut builder = Builder {
         surface,
@@ -286,12 +289,13 @@ fn grouped<'a>(
     watch.begin(begun + time::FLATTENED, count)?;
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
-    let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
-    let mut left = time::JOINED - time::FLATTENED;
-    for _ in 0..JOIN_ROUNDS {
+    let (times, rounds) = if count <= SMALL_MESH_FANS { JOINING_SMALL } else { JOINING };
+    let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing, rounds };
+    let (mut borders, mut left) = (Borders::default(), time::JOINED - time::FLATTENED);
+    for _ in 0..times {
         left *= time::LEFT_PER_ROUND;
         watch.begin(begun + time::JOINED - left, count)?;
-        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &mut borders, &merge_limits);
         let before = patches.len();
         patches = builder.join(patches, &joined);
         builder.number_groups(&patches);
@@ -305,8 +309,12 @@ fn grouped<'a>(
     Ok(Grouped { cost, builder, patches })
 }
 
-/// Unions are chosen by summaries and then laid flat; so many times.
-const JOIN_ROUNDS: usize = 4;
+/// Unions are chosen by summaries, in so many rounds at most, and then laid flat; and that so many times, `(times, rounds)`. Mostly no round finds
+/// anything before the last.
+const JOINING: (usize, u32) = (2, 32);
+
+/// The same of small meshes. Where all is made of boxes whole unions fail for one of their parts; small ones are laid flat sooner.
+const JOINING_SMALL: (usize, u32) = (4, 4);
 
 /// Runs of the order, `(start, length)`.
 struct Pieces(Vec<(u32, u32)>);
@@ -331,8 +339,8 @@ struct Builder<'a> {
     connector: Connector<'a>,
     /// All fans.
     order: Vec<u32>,
-    /// A label per fan; equal in one patch, different in different patches.
-    fan_groups: Vec<u32>,
+    /// A label per fan; equal in one patch, different in different patches. Threads write those of their own patches.
+    fan_groups: Vec<AtomicU32>,
     /// Labels from here on are not in use.
     unused_label: u32,
     /// Unions that were undone: of each member the first fan and the number of its fans, which name it as patches only grow.
@@ -349,11 +357,9 @@ impl Builder<'_> {
         let mut pending = pieces.0;
         while !pending.is_empty() {
             let first_label = self.unused_label;
-            for (&(start, length), label) in pending.iter().zip(first_label..) {
-                for &fan in &self.order[start as usize..(start + length) as usize] {
-                    self.fan_groups[fan as usize] = label;
-                }
-            }
+            pending.par_iter().enumerate().with_min_len(1 << 8).for_each(|(i, &(start, length))| {
+                self.label(&self.order[start as usize..(start + length) as usize], first_label + i as u32);
+            });
             let flats: Vec<Option<Patch>> = pending
                 .par_iter()
                 .enumerate()
@@ -393,7 +399,7 @@ impl Builder<'_> {
         }
         let first = fans[0] as usize;
         let density = demand.density().unwrap_or_else(|| self.density.of_fan(self.surface, first));
-        if self.must_part(fans, |fan| self.fan_groups[fan as usize] == group) {
+        if self.must_part(fans, |fan| self.fan_groups[fan as usize].load(Relaxed) == group) {
             return None;
         }
         let membership = Membership { fan_groups: &self.fan_groups, group };
@@ -432,13 +438,15 @@ impl Builder<'_> {
         Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
     }
 
+    fn label(&self, fans: &[u32], label: u32) {
+        fans.iter().for_each(|&fan| self.fan_groups[fan as usize].store(label, Relaxed));
+    }
+
     /// Makes `fan_groups` agree with the order of the patches.
     fn number_groups(&mut self, patches: &[Patch]) {
-        for (patch, group) in patches.iter().zip(0..) {
-            for &fan in patch.fans(&self.order) {
-                self.fan_groups[fan as usize] = group;
-            }
-        }
+        patches.par_iter().enumerate().with_min_len(1 << 8).for_each(|(group, patch)| {
+            self.label(patch.fans(&self.order), group as u32);
+        });
         self.unused_label = patches.len() as u32;
     }
 
@@ -446,48 +454,56 @@ impl Builder<'_> {
     /// undone. `joined` names each patch's union by one of its members.
     fn join(&mut self, patches: Vec<Patch>, joined: &[u32]) -> Vec<Patch> {
         let mut members: Vec<(u32, u32)> = joined.iter().copied().zip(0..).collect();
-        members.sort_unstable();
+        members.par_sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
-        unions.sort_unstable_by_key(|union| union[0].1);
+        unions.par_sort_unstable_by_key(|union| union[0].1);
+        let length =
+            |union: &&[(u32, u32)]| -> u32 { union.iter().map(|&(_, p)| patches[p as usize].length).sum() };
+        let runs = Pieces::consecutive(unions.iter().map(length).collect()).0;
+        let mut order = vec![0; self.order.len()];
+        let mut rest = order.as_mut_slice();
+        let mut places = Vec::with_capacity(unions.len());
+        for (&union, &(_, length)) in unions.iter().zip(&runs) {
+            let (place, tail) = rest.split_at_mut(length as usize);
+            places.push((union, place));
+            rest = tail;
+        }
+        places.into_par_iter().with_min_len(1 << 8).for_each(|(union, place)| {
+            let mut at = 0;
+            for &(_, p) in union {
+                let fans = patches[p as usize].fans(&self.order);
+                place[at..at + fans.len()].copy_from_slice(fans);
+                at += fans.len();
+            }
+        });
         let name = |&(_, p): &(u32, u32)| {
             let Patch { start, length, .. } = patches[p as usize];
             (self.order[start as usize], length)
         };
-        let named = |union: &&[(u32, u32)]| -> Vec<(u32, u32)> { union.iter().map(name).collect() };
-        let names: Vec<_> =
-            unions.par_iter().map(|union| if union.len() < 2 { Vec::new() } else { named(union) }).collect();
-        let mut order = Vec::with_capacity(self.order.len());
-        let mut starts = Vec::with_capacity(unions.len());
-        for union in &unions {
-            starts.push(order.len() as u32);
-            for &(_, p) in *union {
-                order.extend_from_slice(patches[p as usize].fans(&self.order));
-            }
-        }
+        let named = |union: &&[(u32, u32)]| -> Vec<(u32, u32)> {
+            if union.len() < 2 { Vec::new() } else { union.iter().map(name).collect() }
+        };
+        let names: Vec<_> = unions.par_iter().with_min_len(1 << 8).map(named).collect();
         self.order = order;
-        let ends = starts.iter().copied().skip(1).chain([self.order.len() as u32]);
-        let runs: Vec<(u32, u32)> = starts.iter().copied().zip(ends).collect();
-        for (&(start, end), label) in runs.iter().zip(self.unused_label..) {
-            for &fan in &self.order[start as usize..end as usize] {
-                self.fan_groups[fan as usize] = label;
-            }
-        }
         let first_label = self.unused_label;
         self.unused_label += runs.len() as u32;
         let laid: Vec<Option<Patch>> = (0..runs.len())
             .into_par_iter()
             .map_init(Flattener::default, |flattener, i| {
-                let (start, end) = runs[i];
-                self.watch.add((end - start) as usize);
+                let (start, length) = runs[i];
+                self.watch.add(length as usize);
                 if unions[i].len() < 2 || self.refused.contains(&names[i]) {
                     return None;
                 }
-                let union = self.flatten_piece(start, end - start, first_label + i as u32, flattener)?;
+                let label = first_label + i as u32;
+                self.label(&self.order[start as usize..(start + length) as usize], label);
+                let union = self.flatten_piece(start, length, label, flattener)?;
                 let apart: f32 = unions[i].iter().map(|&(_, p)| patches[p as usize].cost()).sum();
                 (union.cost() < apart).then_some(union)
             })
             .collect();
         let mut kept = Vec::with_capacity(patches.len());
+        let mut patches: Vec<Option<Patch>> = patches.into_iter().map(Some).collect();
         for (((union, name), laid), &(mut start, _)) in unions.iter().zip(names).zip(laid).zip(&runs) {
             match laid {
                 Some(patch) => kept.push(patch),
@@ -495,10 +511,10 @@ impl Builder<'_> {
                     if union.len() > 1 {
                         self.refused.insert(name);
                     }
-                    for &(_, p) in *union {
-                        let patch = &patches[p as usize];
-                        kept.push(Patch { start, ..patch.clone() });
-                        start += patch.length;
+                    for patch in union.iter().filter_map(|&(_, p)| patches[p as usize].take()) {
+                        let length = patch.length;
+                        kept.push(Patch { start, ..patch });
+                        start += length;
                     }
                 }
             }
@@ -567,10 +583,12 @@ impl Builder<'_> {
         begun: f32,
     ) -> Result<()> {
         self.number_groups(patches);
-        let mut neighbours = neighbours(&self.surface.fans, &self.fan_groups, patches.len());
-        for (around, &is_own) in neighbours.iter_mut().zip(is_tried) {
-            around.retain(|&(other, _)| is_own && is_tried[other as usize]);
-        }
+        let all = Borders::default().neighbours(&self.surface.fans, &self.fan_groups, patches.len());
+        let tried = |(p, &is_own): (usize, &bool)| {
+            let around = all.of(p).iter().copied();
+            around.filter(|&(other, _)| is_own && is_tried[other as usize]).collect()
+        };
+        let neighbours = is_tried.iter().enumerate().map(tried).collect();
         let mut unrolling = Unrolling {
             fans: patches.iter().map(|patch| patch.fans(&self.order).to_vec()).collect(),
             patches: std::mem::take(patches).into_iter().map(Some).collect(),

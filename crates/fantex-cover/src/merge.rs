@@ -5,10 +5,14 @@
 //! of what they save, each group at most once, so the result does not depend on the number of threads. What was
 //! joined is laid flat exactly afterwards, and undone where the summary promised too much.
 
+use std::borrow::Cow;
 use std::sync::LazyLock;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 
+use arrayvec::ArrayVec;
 use fantex_mesh::{Fans, unit_vector};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::cost::{self, Region};
@@ -21,21 +25,21 @@ use crate::rectangle::FourBounds;
 /// Neighbours tried per group, by the length of the common border.
 const CANDIDATES: usize = 6;
 
-const ROUNDS: usize = 4;
-
 /// When two groups may share a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergeLimits {
     pub(crate) extent_texels: f32,
     pub(crate) facing: f32,
+    /// Rounds of proposals at most.
+    pub(crate) rounds: u32,
 }
 
 /// What a union is judged by.
 #[derive(Clone, Debug)]
-struct Summary {
+struct Summary<'p> {
     cone: WideCone,
     /// Points on the convex outline, mesh space.
-    outline: Box<[Vec3]>,
+    outline: Cow<'p, [Vec3]>,
     /// Mean direction, by area.
     direction: Vec3,
     area: f32,
@@ -66,75 +70,124 @@ struct Proposal {
 pub(crate) fn choose_unions(
     fans: &Fans,
     patches: &[Patch],
-    fan_groups: &[u32],
+    fan_groups: &[AtomicU32],
+    borders: &mut Borders,
     limits: &MergeLimits,
 ) -> Vec<u32> {
-    let neighbours = neighbours(fans, fan_groups, patches.len());
+    let neighbours = borders.neighbours(fans, fan_groups, patches.len());
+    let count = patches.len();
     let mut merger = Merger {
         summaries: patches.par_iter().map(|p| Some(Summary::of(p))).collect(),
         neighbours,
-        joined: (0..patches.len() as u32).collect(),
+        joined: (0..count as u32).collect(),
+        chains: (0..count as u32).map(|g| Chain { next: NONE, last: g }).collect(),
+        changed_in: vec![0; count],
+        known: vec![Known::new(); count],
         limits: *limits,
     };
-    let mut proposals: Vec<Proposal> = Vec::new();
     let mut changed = merger.joined.clone();
-    for _ in 0..ROUNDS {
-        proposals.par_extend(changed.par_iter().filter_map(|&g| merger.propose(g)));
+    let mut proposals: Vec<Proposal> = Vec::new();
+    for round in 0..limits.rounds {
+        let propose = |borders: &mut Vec<(u32, u32)>, &g: &u32| merger.propose(g, round, borders);
+        let asked: Vec<(Option<Proposal>, Known)> = changed.par_iter().map_init(Vec::new, propose).collect();
+        for (&g, (proposal, known)) in changed.iter().zip(asked) {
+            merger.known[g as usize] = known;
+            proposals.extend(proposal);
+        }
         if proposals.is_empty() {
             break;
         }
         proposals.par_sort_unstable_by(|a, b| b.saved.total_cmp(&a.saved).then(a.small.cmp(&b.small)));
-        let taken = merger.accept(&proposals);
+        let taken = merger.accept(&proposals, round);
         let is_stale = |p: &Proposal| taken[p.small as usize] || taken[p.partner as usize];
         changed = proposals.iter().filter(|p| is_stale(p)).map(|p| merger.joined[p.small as usize]).collect();
-        changed.sort_unstable();
+        changed.par_sort_unstable();
         changed.dedup();
         proposals.retain(|p| !is_stale(p));
     }
     merger.joined
 }
 
-struct Merger {
+struct Merger<'p> {
     /// `None` for groups that have joined another.
-    summaries: Vec<Option<Summary>>,
-    /// For every group `(neighbour, common triangles)`; names may be those of groups that have joined another since.
-    neighbours: Vec<Vec<(u32, u32)>>,
+    summaries: Vec<Option<Summary<'p>>>,
+    /// Of every group as it was at first.
+    neighbours: Neighbours,
     /// The group that each group has ended up in.
     joined: Vec<u32>,
+    /// The groups that have joined each group.
+    chains: Vec<Chain>,
+    /// The first round in which each group was as it is.
+    changed_in: Vec<u32>,
+    /// Of each group.
+    known: Vec<Known>,
     limits: MergeLimits,
 }
 
-impl Merger {
-    /// The union of a small group with a neighbour that saves most texels.
-    fn propose(&self, small: u32) -> Option<Proposal> {
-        let summary = self.summaries[small as usize].as_ref()?;
-        if !summary.mergeable {
-            return None;
-        }
-        let mut best: Option<Proposal> = None;
-        for (partner, common) in self.longest_borders(small) {
+/// Groups that are one, one after the other, as the first of them knows.
+#[derive(Clone, Copy)]
+struct Chain {
+    /// The group after this one, or `NONE`.
+    next: u32,
+    last: u32,
+}
+
+const NONE: u32 = u32::MAX;
+
+/// What unions of a group with others cost, `None` for those that may not be.
+type Known = ArrayVec<(Other, Option<f32>), CANDIDATES>;
+
+/// A group, and the round in which the cost of a union with it was found.
+#[derive(Clone, Copy)]
+struct Other {
+    group: u32,
+    round: u32,
+}
+
+impl Merger<'_> {
+    /// The union of a small group with a neighbour that saves most texels, and what unions cost.
+    fn propose(&self, small: u32, round: u32, borders: &mut Vec<(u32, u32)>) -> (Option<Proposal>, Known) {
+        let (mut best, mut known): (Option<Proposal>, Known) = Default::default();
+        let Some(summary) = self.summaries[small as usize].as_ref().filter(|summary| summary.mergeable)
+        else {
+            return (best, known);
+        };
+        self.longest_borders(small, borders);
+        for &(partner, common) in borders.iter() {
             let Some(other) = self.summaries[partner as usize].as_ref() else { continue };
-            let Some(cost) = summary.union_cost(other, common, &self.limits) else { continue };
+            let since = self.changed_in[small as usize].max(self.changed_in[partner as usize]);
+            let is_it = |(other, _): &&(Other, _)| other.group == partner && other.round >= since;
+            let (at, cost) = match self.known[small as usize].iter().find(is_it) {
+                Some(&known) => known,
+                None => (Other { group: partner, round }, summary.union_cost(other, common, &self.limits)),
+            };
+            known.push((at, cost));
+            let Some(cost) = cost else { continue };
             let saved = summary.cost + other.cost - cost;
             if saved > 0.0 && best.is_none_or(|b| saved > b.saved) {
                 best = Some(Proposal { saved, small, partner, common });
             }
         }
-        best
+        (best, known)
     }
 
     /// The neighbours of a group with the longest common borders, with the triangles there.
-    fn longest_borders(&self, group: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+    fn longest_borders(&self, group: u32, borders: &mut Vec<(u32, u32)>) {
         let now = |&(g, triangles): &(u32, u32)| (self.joined[g as usize], triangles);
-        let mut borders: Vec<(u32, u32)> =
-            self.neighbours[group as usize].iter().map(now).filter(|border| border.0 != group).collect();
-        sum_by_name(&mut borders);
+        borders.clear();
+        let mut member = group;
+        while member != NONE {
+            let around = self.neighbours.of(member as usize).iter().map(now);
+            borders.extend(around.filter(|border| border.0 != group));
+            member = self.chains[member as usize].next;
+        }
+        sum_by_name(borders);
         borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-        borders.into_iter().take(CANDIDATES)
+        borders.truncate(CANDIDATES);
     }
 
     /// Takes proposals greedily, each group at most once; tells which groups were taken.
-    fn accept(&mut self, proposals: &[Proposal]) -> Vec<bool> {
+    fn accept(&mut self, proposals: &[Proposal], round: u32) -> Vec<bool> {
         let mut taken = vec![false; self.joined.len()];
         let mut accepted = Vec::new();
         for p in proposals {
@@ -145,7 +198,7 @@ impl Merger {
             }
         }
         let summaries = &self.summaries;
-        let unions: Vec<Option<Summary>> = accepted
+        let unions: Vec<Option<Summary<'_>>> = accepted
             .par_iter()
             .map(|p| {
                 let (partner, small) =
@@ -153,22 +206,25 @@ impl Merger {
                 partner.union(small, p.common)
             })
             .collect();
-        for (p, union) in accepted.into_iter().zip(unions) {
-            self.summaries[p.small as usize] = None;
-            self.summaries[p.partner as usize] = union;
-            let moved = std::mem::take(&mut self.neighbours[p.small as usize]);
-            self.neighbours[p.partner as usize].extend(moved);
-            self.joined[p.small as usize] = p.partner;
-        }
-        for g in 0..self.joined.len() {
-            self.joined[g] = self.joined[self.joined[g] as usize];
+        for (&Proposal { small, partner, .. }, union) in accepted.iter().zip(unions) {
+            self.summaries[small as usize] = None;
+            self.summaries[partner as usize] = union;
+            self.changed_in[partner as usize] = round + 1;
+            let [of_partner, of_small] = [partner, small].map(|g| self.chains[g as usize].last);
+            self.chains[of_partner as usize].next = small;
+            self.chains[partner as usize].last = of_small;
+            let mut member = small;
+            while member != NONE {
+                self.joined[member as usize] = partner;
+                member = self.chains[member as usize].next;
+            }
         }
         taken
     }
 }
 
-impl Summary {
-    fn of(patch: &Patch) -> Self {
+impl<'p> Summary<'p> {
+    fn of(patch: &'p Patch) -> Self {
         let Flat { frame, region, cos, distortion, outline, .. } = &patch.flat;
         let region = region.scaled(Vec2::splat(patch.density));
         let squared = patch.density * patch.density;
@@ -192,7 +248,7 @@ impl Summary {
     }
 
     /// The cost of a union, if it may be.
-    fn union_cost(&self, other: &Summary, common: u32, limits: &MergeLimits) -> Option<f32> {
+    fn union_cost(&self, other: &Summary<'p>, common: u32, limits: &MergeLimits) -> Option<f32> {
         if !other.mergeable {
             return None;
         }
@@ -216,14 +272,17 @@ impl Summary {
     }
 
     /// What both ask for together, and the density of that.
-    fn union_demand(&self, other: &Summary) -> (Demand, f32) {
+    fn union_demand(&self, other: &Summary<'p>) -> (Demand, f32) {
         let mut demand = self.demand;
         demand.add(&other.demand);
-        (demand, demand.density().unwrap_or(self.density))
+        // What asks for one density together asks for that.
+        let is_one = self.density == other.density;
+        let density = if is_one { self.density } else { demand.density().unwrap_or(self.density) };
+        (demand, density)
     }
 
     /// The direction and the error (in mesh units) of a union at a density.
-    fn union_error(&self, other: &Summary, density: f32) -> Option<(Vec3, f32)> {
+    fn union_error(&self, other: &Summary<'p>, density: f32) -> Option<(Vec3, f32)> {
         let parts = [self, other].map(|part| {
             let ratio = part.density / density;
             let squared = ratio * ratio;
@@ -241,7 +300,7 @@ impl Summary {
     /// A guess: the outlines of both without what they share, but no shorter than a convex region's.
     fn union_region(
         &self,
-        other: &Summary,
+        other: &Summary<'p>,
         direction: Vec3,
         size: Vec2,
         common: u32,
@@ -257,14 +316,14 @@ impl Summary {
         Region { size, area, outline: (outline - 2.0 * shared).max(convex) }
     }
 
-    fn union(&self, other: &Summary, common: u32) -> Option<Summary> {
+    fn union(&self, other: &Summary<'p>, common: u32) -> Option<Summary<'p>> {
         let cone = self.cone.union(other.cone)?;
         let (demand, density) = self.union_demand(other);
         let (direction, error) = self.union_error(other, density)?;
         let planar: Vec<Vec2> = self.planar_outline(other, direction).collect();
         let size = bounding_size(planar.iter().copied()) * density;
         let region = self.union_region(other, direction, size, common, density);
-        let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
+        let spatial: Vec<Vec3> = self.outline.iter().chain(&*other.outline).copied().collect();
         let area = self.area + other.area;
         Some(Summary {
             cone,
@@ -285,11 +344,11 @@ impl Summary {
 
     fn planar_outline<'a>(
         &'a self,
-        other: &'a Summary,
+        other: &'a Summary<'p>,
         direction: Vec3,
-    ) -> impl Iterator<Item = Vec2> + use<'a> {
+    ) -> impl Iterator<Item = Vec2> + use<'a, 'p> {
         let (x, y) = direction.any_orthonormal_pair();
-        self.outline.iter().chain(&other.outline).map(move |p| Vec2::new(p.dot(x), p.dot(y)))
+        self.outline.iter().chain(&*other.outline).map(move |p| Vec2::new(p.dot(x), p.dot(y)))
     }
 }
 
@@ -333,7 +392,7 @@ fn directions() -> &'static [Vec2; DIRECTIONS] {
 /// kept.
 const MAX_OUTLINE: usize = 4 * DIRECTIONS;
 
-fn shortened(outline: &[Vec3], direction: Vec3) -> Box<[Vec3]> {
+fn shortened(outline: &[Vec3], direction: Vec3) -> Cow<'_, [Vec3]> {
     if outline.len() <= MAX_OUTLINE {
         return outline.into();
     }
@@ -342,18 +401,21 @@ fn shortened(outline: &[Vec3], direction: Vec3) -> Box<[Vec3]> {
     extreme_points(&planar).map(|i| outline[i]).collect()
 }
 
-/// Indices of the points that lie farthest in any of the directions, ascending.
+/// Indices of the points that lie farthest in any of the directions, ascending; of equally far ones the first.
 fn extreme_points(points: &[Vec2]) -> impl Iterator<Item = usize> + use<> {
-    let mut kept = directions().map(|d| {
-        let mut best = (0, f32::NEG_INFINITY);
+    let mut kept = [0; DIRECTIONS];
+    for (four, kept) in directions().as_chunks::<4>().0.iter().zip(kept.as_chunks_mut::<4>().0) {
+        let (x, y) = (Vec4::from(four.map(|d| d.x)), Vec4::from(four.map(|d| d.y)));
+        let mut most = Vec4::NEG_INFINITY;
         for (i, p) in points.iter().enumerate() {
-            let x = p.dot(d);
-            if x > best.1 {
-                best = (i, x);
+            let along = x * p.x + y * p.y;
+            let is_more = along.cmpgt(most);
+            if is_more.any() {
+                (0..4).filter(|&k| is_more.test(k)).for_each(|k| kept[k] = i);
+                most = Vec4::select(is_more, along, most);
             }
         }
-        best.0
-    });
+    }
     kept.sort_unstable();
     let mut last = usize::MAX;
     kept.into_iter().filter(move |&i| std::mem::replace(&mut last, i) != i)
@@ -401,26 +463,87 @@ pub(crate) fn sum_by_name(counts: &mut Vec<(u32, u32)>) {
     });
 }
 
-/// For every group its neighbours with the number of common triangles, ascending.
-pub(crate) fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) -> Vec<Vec<(u32, u32)>> {
-    let mut pairs: Vec<(u32, u32)> = (0..fans.triangle_count())
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .flat_map_iter(|t| {
-            let [a, b, c] = fans.of_triangle(t).map(|f| fan_groups[f as usize]);
-            // With two groups in a triangle only one of the three pairs is kept.
-            let pairs = [(a, b, a != b), (b, c, b != c && c != a), (c, a, c != a && a != b && b != c)];
-            pairs.into_iter().filter(|p| p.2).map(|(x, y, _)| (x.min(y), x.max(y)))
-        })
-        .collect();
-    pairs.par_sort_unstable();
-    let mut neighbours = vec![Vec::new(); group_count];
-    for run in pairs.chunk_by(|a, b| a == b) {
-        let (a, b) = run[0];
-        neighbours[a as usize].push((b, run.len() as u32));
-        neighbours[b as usize].push((a, run.len() as u32));
+/// The triangles between groups that only grow: once it is known which they are, no others need be looked at.
+#[derive(Default)]
+pub(crate) struct Borders(Option<Vec<u32>>);
+
+impl Borders {
+    /// For every group its neighbours. Groups that were one are so still.
+    pub(crate) fn neighbours(
+        &mut self,
+        fans: &Fans,
+        fan_groups: &[AtomicU32],
+        group_count: usize,
+    ) -> Neighbours {
+        let groups_of =
+            |t: u32| fans.of_triangle(t as usize).map(|fan| fan_groups[fan as usize].load(Relaxed));
+        let is_between = |t: &u32| {
+            let [a, b, c] = groups_of(*t);
+            a != b || b != c
+        };
+        let triangles: Vec<u32> = match &self.0 {
+            Some(known) => known.par_iter().with_min_len(1 << 12).copied().filter(is_between).collect(),
+            None => {
+                let all = (0..fans.triangle_count() as u32).into_par_iter();
+                all.with_min_len(1 << 12).filter(is_between).collect()
+            }
+        };
+        let mut pairs: Vec<u64> = triangles
+            .par_iter()
+            .with_min_len(1 << 12)
+            .flat_map_iter(|&t| {
+                let [a, b, c] = groups_of(t);
+                // With two groups in a triangle only one of the three pairs is kept.
+                let pairs = [(a, b, a != b), (b, c, b != c && c != a), (c, a, c != a && a != b && b != c)];
+                let pairs = pairs.into_iter().filter(|pair| pair.2);
+                pairs.map(|(x, y, _)| u64::from(x.min(y)) << 32 | u64::from(x.max(y)))
+            })
+            .collect();
+        pairs.par_sort_unstable();
+        self.0 = Some(triangles);
+        Neighbours::of_pairs(&pairs, group_count)
     }
-    neighbours
+}
+
+/// For every group its neighbours with the number of common triangles, ascending.
+pub(crate) struct Neighbours {
+    /// Where the row of a group ends.
+    ends: Vec<u32>,
+    rows: Vec<(u32, u32)>,
+}
+
+impl Neighbours {
+    /// Ascending pairs of groups, the lower in the upper half of a number, one for each triangle.
+    fn of_pairs(pairs: &[u64], group_count: usize) -> Self {
+        let runs = || {
+            pairs
+                .chunk_by(|a, b| a == b)
+                .map(|run| ((run[0] >> 32) as usize, run[0] as u32 as usize, run.len()))
+        };
+        let mut ends = vec![0_u32; group_count];
+        for (a, b, _) in runs() {
+            ends[a] += 1;
+            ends[b] += 1;
+        }
+        let mut count = 0;
+        for end in &mut ends {
+            count += std::mem::replace(end, count);
+        }
+        // These are starts; filling moves each to its end.
+        let mut rows = vec![(0, 0); count as usize];
+        for (a, b, triangles) in runs() {
+            for (own, other) in [(a, b), (b, a)] {
+                rows[ends[own] as usize] = (other as u32, triangles as u32);
+                ends[own] += 1;
+            }
+        }
+        Self { ends, rows }
+    }
+
+    pub(crate) fn of(&self, group: usize) -> &[(u32, u32)] {
+        let start = group.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.rows[start as usize..self.ends[group] as usize]
+    }
 }
 
 #[cfg(test)]

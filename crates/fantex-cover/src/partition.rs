@@ -7,7 +7,7 @@
 //! array in place; the order of the result follows the cuts and is therefore a space-filling curve over the surface.
 
 use arrayvec::ArrayVec;
-use glam::{Mat3, Vec2, Vec3, Vec3A};
+use glam::{Mat3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 use rayon::prelude::*;
 
 use crate::cost::{self, Region};
@@ -78,6 +78,9 @@ struct Item {
 
 /// Items are made for so many fans at a time: they take more memory than all else that is known of fans.
 const ITEMS_AT_ONCE: usize = 1 << 20;
+
+/// Larger sets are cut before items are made of them: numbers are sooner brought to their sides than items, and threads begin sooner.
+const ITEMS_PER_THREAD: usize = 1 << 17;
 
 /// Sets larger than this are split on two threads.
 const MIN_PARALLEL_FANS: usize = 8192;
@@ -199,7 +202,7 @@ fn divide_fans(
     if cutting.watch.has_ended() {
         return whole_set(lengths, 0.0);
     }
-    if order.len() <= items_at_once {
+    if order.len() <= items_at_once.min(ITEMS_PER_THREAD) {
         let item = |ring: &mut Ring, &fan: &u32| fans.item(ring, fan);
         let mut items: Vec<Item> =
             order.par_iter().with_min_len(1024).map_init(Ring::default, item).collect();
@@ -222,8 +225,18 @@ fn divide_fans(
     };
     let (left, right) = order.split_at_mut(middle);
     let (left_lengths, right_lengths) = lengths.split_at_mut(middle);
-    let first = divide_fans(fans, left, left_lengths, cutting, items_at_once, scratch);
-    let second = divide_fans(fans, right, right_lengths, cutting, items_at_once, scratch);
+    let (first, second) = if left.len() + right.len() <= items_at_once {
+        let other = || {
+            let scratch = &mut Scratch::default();
+            divide_fans(fans, right, right_lengths, cutting, items_at_once, scratch)
+        };
+        rayon::join(|| divide_fans(fans, left, left_lengths, cutting, items_at_once, scratch), other)
+    } else {
+        (
+            divide_fans(fans, left, left_lengths, cutting, items_at_once, scratch),
+            divide_fans(fans, right, right_lengths, cutting, items_at_once, scratch),
+        )
+    };
     cheaper(whole, first, second, lengths, cutting)
 }
 
@@ -396,7 +409,8 @@ impl Set {
             high = high.max(item.position);
         }
         let times = count as f32 / picked.len() as f32;
-        let density = demand.density().unwrap_or(picked[0].density);
+        let is_even = densities[0] == densities[1];
+        let density = if is_even { densities[0] } else { demand.density().unwrap_or(picked[0].density) };
         let texels = demand.texels() * times;
         Self { area: area * times, axis: axis * times, density, densities, texels, low, high, count, times }
     }
@@ -422,7 +436,7 @@ impl Set {
         let Rectangle { x_axis, .. } = scratch.rectangles.smallest(&mut scratch.points, 0.0);
         let side = x * x_axis.x + y * x_axis.y;
         let sides = [side, direction.cross(side)];
-        self.sample(picked, &[sides[0], sides[1], direction], &mut scratch.samples);
+        self.sample(picked, &Axes::new([sides[0], sides[1], direction]), &mut scratch.samples);
         let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let mut error = 0.0;
         for (sample, item) in scratch.samples.iter().zip(picked) {
@@ -449,7 +463,7 @@ impl Set {
     }
 
     /// The items along axes.
-    fn sample(&self, picked: &[Item], axes: &[Vec3; 3], samples: &mut Vec<Sample>) {
+    fn sample(&self, picked: &[Item], axes: &Axes, samples: &mut Vec<Sample>) {
         samples.clear();
         samples.extend(picked.iter().map(|item| Sample::of(item, self.weight(item.density), axes)));
     }
@@ -481,7 +495,7 @@ impl Set {
             cuts.push(Along::Density);
         }
         if tile.is_none() && !cuts.is_empty() {
-            self.sample(picked, &Vec3::AXES, sampled);
+            self.sample(picked, &Axes::new(Vec3::AXES), sampled);
         }
         let mut best: Option<(f32, Cut)> = None;
         for along in cuts {
@@ -558,14 +572,33 @@ impl Set {
     }
 }
 
+/// Three axes, for coordinates along all of them at once.
+struct Axes {
+    /// The x, y and z of the axes.
+    rows: [Vec3A; 3],
+    /// The same for [reaches](Reach::along_three).
+    squares: [[Vec3A; 3]; 2],
+}
+
+impl Axes {
+    fn new(axes: [Vec3; 3]) -> Self {
+        let rows_of = |v: [Vec3; 3]| [0, 1, 2].map(|k| Vec3A::new(v[0][k], v[1][k], v[2][k]));
+        let squares = [axes.map(|axis| axis * axis), axes.map(|axis| axis.yzx() * axis.zxy())];
+        Self { rows: rows_of(axes), squares: squares.map(rows_of) }
+    }
+
+    #[inline]
+    fn along(&self, v: Vec3) -> Vec3A {
+        self.rows[0] * v.x + self.rows[1] * v.y + self.rows[2] * v.z
+    }
+}
+
 impl Sample {
     #[inline]
-    fn of(item: &Item, weight: f32, axes: &[Vec3; 3]) -> Self {
-        let [x, y, z] = *axes;
-        let coordinates = |v: Vec3| Vec3A::new(v.dot(x), v.dot(y), v.dot(z));
-        let p = coordinates(item.position);
-        let reach = Vec3A::new(item.reach.along(x), item.reach.along(y), item.reach.along(z));
-        let axis = coordinates(item.axis) * item.area;
+    fn of(item: &Item, weight: f32, axes: &Axes) -> Self {
+        let p = axes.along(item.position);
+        let reach = item.reach.along_three(&axes.squares);
+        let axis = axes.along(item.axis) * item.area;
         let weighted = item.area * weight;
         Self { key: 0.0, area: item.area, weighted, axis, low: p - reach, high: p + reach }
     }

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_mesh::Mesh;
-use glam::Vec2;
+use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
 use crate::footprints::region_pieces;
@@ -181,7 +181,13 @@ impl StoredBlocks {
     }
 
     /// Whether the blocks from the first to the last, both included, are marked.
+    #[inline]
     fn are_set(&self, range: [u64; 2]) -> bool {
+        let [from, to] = range;
+        if from / 64 == to / 64 {
+            let mask = (u64::MAX >> (63 - (to - from))) << (from % 64);
+            return self.bits[(from / 64) as usize].load(Ordering::Relaxed) & mask == mask;
+        }
         self.words(range).all(|(bits, mask)| bits.load(Ordering::Relaxed) & mask == mask)
     }
 
@@ -227,30 +233,31 @@ impl Cells {
         ((x / self.side).max(0.0) as u32).min(self.count[axis] - 1)
     }
 
-    /// The cells that meet a convex polygon (in texels) that has grown, as `(row, first column, last column)`.
+    /// The cells that meet a convex polygon of at most four corners (in texels) that has grown, as `(row, first column, last column)`.
     pub(crate) fn for_each_run(&self, polygon: &[Vec2], mut visit: impl FnMut(u32, u32, u32)) {
         let [first, last] = self.around(polygon);
         if first == last {
             return visit(first[1], first[0], first[0]);
         }
+        // The edges, all at once; of a triangle the last one twice.
+        let corner = |i: usize, step: usize| polygon[(i.min(polygon.len() - 1) + step) % polygon.len()];
+        let [a, b] = [0, 1].map(|step| [0, 1, 2, 3].map(|i| corner(i, step)));
+        let [(ax, ay), (bx, by)] =
+            [a, b].map(|ends| (Vec4::from(ends.map(|p| p.x)), Vec4::from(ends.map(|p| p.y))));
+        let (along, up) = (bx - ax, by - ay);
         for row in first[1]..=last[1] {
-            let band = [row as f32 * self.side - self.growth, (row + 1) as f32 * self.side + self.growth];
-            let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
-            for (i, &a) in polygon.iter().enumerate() {
-                let b = polygon[(i + 1) % polygon.len()];
-                let mut reach = |x: f32| {
-                    from = from.min(x);
-                    to = to.max(x);
-                };
-                if a.y >= band[0] && a.y <= band[1] {
-                    reach(a.x);
-                }
-                for y in band {
-                    if (a.y < y) != (b.y < y) {
-                        reach(a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)));
-                    }
-                }
+            let band = [row as f32 * self.side - self.growth, (row + 1) as f32 * self.side + self.growth]
+                .map(Vec4::splat);
+            let begins_within = ay.cmpge(band[0]) & ay.cmple(band[1]);
+            let mut from = Vec4::select(begins_within, ax, Vec4::INFINITY);
+            let mut to = Vec4::select(begins_within, ax, Vec4::NEG_INFINITY);
+            for y in band {
+                let crosses = ay.cmplt(y) ^ by.cmplt(y);
+                let x = ax + along * ((y - ay) / up);
+                from = from.min(Vec4::select(crosses, x, Vec4::INFINITY));
+                to = to.max(Vec4::select(crosses, x, Vec4::NEG_INFINITY));
             }
+            let (from, to) = (from.min_element(), to.max_element());
             if from <= to {
                 visit(row, self.at(from - self.growth, 0), self.at(to + self.growth, 0));
             }

@@ -96,7 +96,7 @@ fn row_starts(triangles: &[[u32; 3]], vertex_count: usize) -> Vec<u32> {
 
 /// Writes every corner into its vertex' row, in any order.
 fn filled_rows(triangles: &[[u32; 3]], starts: &[u32]) -> Vec<u32> {
-    let cursors: Vec<AtomicU32> = starts.iter().map(|&s| AtomicU32::new(s)).collect();
+    let cursors: Vec<AtomicU32> = starts.par_iter().with_min_len(BLOCK).map(|&s| AtomicU32::new(s)).collect();
     let corners = atomic_zeros(3 * triangles.len());
     triangles.par_iter().with_min_len(BLOCK).enumerate().for_each(|(t, triangle)| {
         for (k, &v) in triangle.iter().enumerate() {
@@ -108,7 +108,7 @@ fn filled_rows(triangles: &[[u32; 3]], starts: &[u32]) -> Vec<u32> {
 }
 
 fn atomic_zeros(count: usize) -> Vec<AtomicU32> {
-    (0..count).map(|_| AtomicU32::new(0)).collect()
+    (0..count).into_par_iter().with_min_len(BLOCK).map(|_| AtomicU32::new(0)).collect()
 }
 
 // The edges of a mesh with the triangles at each.

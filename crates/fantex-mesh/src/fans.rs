@@ -133,9 +133,11 @@ impl Fans {
         // Where every vertex has one fan, fans are numbered as vertices are.
         let one_each = first.len() == vertex_corners.len() + 1
             && (0..vertex_corners.len())
+                .into_par_iter()
+                .with_min_len(RUN)
                 .all(|v| vertex_corners.at(v).len() as u32 == first[v + 1] - first[v]);
         let corner_fans = match one_each {
-            true => triangles.as_flattened().to_vec(),
+            true => triangles.as_flattened().par_iter().with_min_len(RUN).copied().collect(),
             false => invert(&first, &corners, corners.len()),
         };
         let has_links_by_angle = parts.iter().any(|part| part.has_links_by_angle);

@@ -20,6 +20,9 @@ const MAX_MOVE: f64 = 0.1;
 /// along that side are then shifted by a hundredth of their length.
 const SEEN_STEP: f64 = 1e-5;
 
+/// Triangles are looked at in so many parts, at most.
+const PARTS: usize = 16;
+
 /// Why a model is refused: more than half of its triangles have an area in double precision (`world`) and none in mesh space (`mesh`), or corners
 /// that rounding has moved far, and lie together, far from other vertices. None where that is not so.
 pub(super) fn problem(
@@ -37,10 +40,14 @@ pub(super) fn problem(
             && (exact::has_no_area(t.map(|v| mesh[v as usize]))
                 || moved().fold(0.0, f64::max) > MAX_MOVE * MAX_MOVE * longest_squared(corners))
     };
-    let collapsed: Vec<[u32; 3]> =
-        triangles.par_iter().with_min_len(BLOCK).copied().filter(is_collapsed).collect();
-    if 2 * collapsed.len() <= triangles.len() {
-        return None;
+    // No more triangles are looked at than tell that half of them or more do not collapse.
+    let (mut collapsed, mut left): (Vec<[u32; 3]>, usize) = (Vec::new(), triangles.len());
+    for part in triangles.chunks(triangles.len().div_ceil(PARTS).max(BLOCK)) {
+        collapsed.par_extend(part.par_iter().with_min_len(BLOCK / 4).copied().filter(is_collapsed));
+        left -= part.len();
+        if 2 * (collapsed.len() + left) <= triangles.len() {
+            return None;
+        }
     }
     let firsts: Vec<DVec3> = collapsed.iter().map(|t| world[t[0] as usize]).collect();
     let middle = median(&firsts);
