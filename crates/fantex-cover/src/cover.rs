@@ -267,7 +267,7 @@ pub fn level_count(extent: [u32; 2]) -> u32 {
 /// least 4.
 #[inline]
 pub fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
-    extent.map(|n| level_length(n, level))
+    [level_length(extent[0], level), level_length(extent[1], level)]
 }
 
 /// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4; `level` is below 32.
@@ -343,7 +343,8 @@ impl Tap {
     /// Change of the tile coordinates for two changes of the barycentric coordinates, as those of a footprint.
     #[inline]
     pub fn steps(&self, lambda_steps: [Vec3; 2]) -> [Vec2; 2] {
-        lambda_steps.map(|step| interpolate(self.corners, step))
+        let [x, y] = lambda_steps;
+        [interpolate(self.corners, x), interpolate(self.corners, y)]
     }
 }
 
@@ -397,8 +398,7 @@ impl GroupWeights {
             return Self { count: 1, slots: [0; 3], weights: [1.0, 0.0, 0.0] };
         }
         let [l0, l1, l2] = lambda.to_array();
-        let a =
-            [l0 - l1.max(l2) + delta, l1 - l2.max(l0) + delta, l2 - l0.max(l1) + delta].map(|a| a.max(0.0));
+        let a = [l0 - l1.max(l2) + delta, l1 - l2.max(l0) + delta, l2 - l0.max(l1) + delta];
         let mut merged = Self { count: 0, slots: [0; 3], weights: [0.0; 3] };
         for (slot, weight) in a.into_iter().enumerate() {
             if weight > 0.0 {
@@ -410,7 +410,7 @@ impl GroupWeights {
             merged.weights[0] = 1.0;
         } else {
             let sum: f32 = merged.weights.iter().sum();
-            merged.weights = merged.weights.map(|w| w / sum);
+            merged.weights.iter_mut().for_each(|weight| *weight /= sum);
         }
         merged
     }

@@ -100,7 +100,8 @@ impl SurfacePoint {
     /// The entries of the triangle's corners in a list with one per corner of the mesh.
     #[inline]
     pub fn corner_values<T: Copy>(self, list: &[T]) -> [T; 3] {
-        [0, 1, 2].map(|corner| list[3 * self.index() + corner])
+        let first = 3 * self.index();
+        [list[first], list[first + 1], list[first + 2]]
     }
 
     /// The unit normal here, of unit normals at all corners such as [`shading_normals`](crate::shading_normals) gives; `None` where

@@ -29,6 +29,8 @@ pub struct FanSurface<S = PageCache> {
     has_surface: bool,
     has_emission: bool,
     has_light: bool,
+    /// Of triangles without one.
+    no_material: Material,
     /// Per material.
     toon: Vec<Option<ColorRamp>>,
     opposed: OpposedTriangles,
@@ -53,6 +55,7 @@ impl<S: TileSource> FanSurface<S> {
             has_surface: sampler.has(ChannelKind::OcclusionRoughnessMetallic),
             has_emission: sampler.has(ChannelKind::Emission),
             has_light: sampler.has(ChannelKind::Light),
+            no_material: Material::default(),
             toon: mesh.materials.iter().map(toon_ramp).collect(),
             opposed: OpposedTriangles::of(&mesh.triangles),
             sampler,
@@ -64,24 +67,18 @@ impl<S: TileSource> FanSurface<S> {
         mesh.materials.get(mesh.material_of(triangle))
     }
 
+    #[inline]
     fn sample(&self, hit: &Hit, vertex_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
-        let default_material;
-        let material = match self.material(hit.triangle()) {
-            Some(material) => material,
-            None => {
-                default_material = Material::default();
-                &default_material
-            }
-        };
+        let material = self.material(hit.triangle()).unwrap_or(&self.no_material);
         let or_factors = |has: bool, value: Vec4, factors: Vec4| if has { value } else { factors };
         let base = or_factors(self.base_color_channel.is_some(), values.base_color, material.base_color);
-        let [occlusion, roughness, metallic, _] = or_factors(
+        let surface = or_factors(
             self.has_surface,
             values.occlusion_roughness_metallic,
             Vec4::new(1.0, material.roughness, material.metallic, 1.0),
-        )
-        .to_array()
-        .map(|v| v.clamp(0.0, 1.0));
+        );
+        let share = |number: f32| number.clamp(0.0, 1.0);
+        let (occlusion, roughness, metallic) = (share(surface.x), share(surface.y), share(surface.z));
         let emission = or_factors(self.has_emission, values.emission, material.emission.extend(1.0));
         let footprint = Footprint { lambda_steps: hit.lambda_steps };
         let normal_steps = self.normal_channel.and_then(|channel| {
@@ -107,6 +104,7 @@ impl<S: TileSource> FanSurface<S> {
         }
     }
 
+    #[inline]
     fn finish(&self, hit: &Hit, sample: &MaterialSample, values: &SurfaceValues) -> Option<Finish<'_>> {
         let toon = self.toon(hit.triangle());
         if toon.is_none() && !self.has_light && values.stretch.is_none() {
@@ -133,6 +131,7 @@ impl<S: TileSource> FanSurface<S> {
     }
 
     /// A hit as a sampler takes it, and the change of the normal along the pixel's edges.
+    #[inline]
     fn sample_point(&self, hit: &Hit) -> (SamplePoint, [Vec3; 2]) {
         let (vertex_normal, normal_steps) = self.normals.with_steps(self.sampler.mesh(), hit);
         let footprint = Footprint { lambda_steps: hit.lambda_steps };
@@ -151,10 +150,15 @@ impl<S: TileSource> Surface for FanSurface<S> {
     }
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
-        let (points, steps): (Vec<_>, Vec<_>) = hits.iter().map(|hit| self.sample_point(hit)).unzip();
-        let values = self.sampler.values_many(&points);
-        let shaded = hits.iter().zip(steps).zip(&values);
-        out.extend(shaded.map(|((hit, steps), values)| self.finished(hit, steps, values)));
+        let point = |index: usize| {
+            let Hit { at, lambda_steps, .. } = hits[index];
+            (at, Footprint { lambda_steps })
+        };
+        let mut values = self.sampler.read_values(hits.len(), point);
+        out.extend(hits.iter().map(|hit| {
+            let (point, normal_steps) = self.sample_point(hit);
+            self.finished(hit, normal_steps, &values.next(&point))
+        }));
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {

@@ -35,11 +35,13 @@ impl Hit {
     }
 
     /// The value at the point, of values at the triangle's corners, and its change per pixel to the right and downwards.
+    #[inline]
     pub fn interpolate<T>(&self, corners: [T; 3]) -> (T, [T; 2])
     where
         T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
     {
-        (self.at.interpolate(corners), self.lambda_steps.map(|step| interpolate(corners, step)))
+        let [x, y] = self.lambda_steps;
+        (self.at.interpolate(corners), [interpolate(corners, x), interpolate(corners, y)])
     }
 }
 
@@ -68,14 +70,12 @@ impl ScreenBarycentrics {
     /// (rounding of the corners to the sub-pixel grid) are moved to its border.
     pub(crate) fn at(&self, position: Vec2) -> [Vec3; 3] {
         let p = position.as_dvec2().extend(1.0);
-        let shares = DVec3::from_array(self.shares.map(|s| s.dot(p)));
+        let [a, b, c] = self.shares;
+        let shares = DVec3::new(a.dot(p), b.dot(p), c.dot(p));
         let sum = shares.element_sum();
         let lambda = shares / sum;
-        let slope = |d: [f64; 3]| {
-            let d = DVec3::from_array(d);
-            (d - lambda * d.element_sum()) / sum
-        };
-        let [dx, dy] = [slope(self.shares.map(|s| s.x)), slope(self.shares.map(|s| s.y))];
+        let slope = |d: DVec3| (d - lambda * d.element_sum()) / sum;
+        let (dx, dy) = (slope(DVec3::new(a.x, b.x, c.x)), slope(DVec3::new(a.y, b.y, c.y)));
         if !(lambda.is_finite() && dx.is_finite() && dy.is_finite()) {
             return [Vec3::splat(1.0 / 3.0), Vec3::ZERO, Vec3::ZERO];
         }
@@ -108,7 +108,7 @@ impl HitFinder<'_> {
         let at = SurfacePoint { triangle: triangle as u32, lambda };
         Hit {
             at,
-            lambda_steps: [dx, dy].map(|step| step * self.spacing),
+            lambda_steps: [dx * self.spacing, dy * self.spacing],
             front: normal.dot(self.projection.eye - a) >= 0.0,
             to_eye: (self.projection.eye - at.interpolate([a, b, c])).normalize_or(Vec3::Z),
         }
@@ -148,12 +148,15 @@ struct View {
 
 impl Answer {
     fn hit(&self, index: usize, triangle: usize) -> Hit {
-        let [lambda, dx, dy] = [0, 3, 6].map(|first| {
-            Vec3::from_array([first, first + 1, first + 2].map(|row: usize| self.lambda[row][index]))
-        });
-        let to_eye = Vec3::from_array([0, 1, 2].map(|axis: usize| self.to_eye[axis][index]));
-        let at = SurfacePoint { triangle: triangle as u32, lambda };
-        Hit { at, lambda_steps: [dx, dy], front: self.side[index] >= 0.0, to_eye }
+        let three = |[x, y, z]: [&[f32; BLOCK]; 3]| Vec3::new(x[index], y[index], z[index]);
+        let [a, b, c, ax, bx, cx, ay, by, cy] = &self.lambda;
+        let [x, y, z] = &self.to_eye;
+        Hit {
+            at: SurfacePoint { triangle: triangle as u32, lambda: three([a, b, c]) },
+            lambda_steps: [three([ax, bx, cx]), three([ay, by, cy])],
+            front: self.side[index] >= 0.0,
+            to_eye: three([x, y, z]),
+        }
     }
 }
 

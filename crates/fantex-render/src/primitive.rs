@@ -30,12 +30,16 @@ impl Primitive {
     /// Least and greatest coordinates of the corners.
     pub(crate) fn bounds(&self) -> [FixedPoint; 2] {
         let [a, b, c] = self.corners;
-        [[0, 1].map(|i| a[i].min(b[i]).min(c[i])), [0, 1].map(|i| a[i].max(b[i]).max(c[i]))]
+        let least = |i: usize| a[i].min(b[i]).min(c[i]);
+        let greatest = |i: usize| a[i].max(b[i]).max(c[i]);
+        [[least(0), least(1)], [greatest(0), greatest(1)]]
     }
 
     /// First and last pixel column and row (inclusive) that the corners' bounding box touches.
     pub(crate) fn pixel_bounds(&self) -> [[i32; 2]; 2] {
-        self.bounds().map(|corner| corner.map(|c| c.div_euclid(SUBPIXELS)))
+        let [[x0, y0], [x1, y1]] = self.bounds();
+        let pixel = |c: i32| c.div_euclid(SUBPIXELS);
+        [[pixel(x0), pixel(y0)], [pixel(x1), pixel(y1)]]
     }
 }
 
@@ -62,12 +66,12 @@ impl TileGrid {
 
     pub(crate) fn rect(&self, tile: usize) -> [[u32; 2]; 2] {
         let origin = [tile as u32 % self.columns() * TILE, tile as u32 / self.columns() * TILE];
-        [origin, [0, 1].map(|i| TILE.min(self.size[i] - origin[i]))]
+        [origin, [TILE.min(self.size[0] - origin[0]), TILE.min(self.size[1] - origin[1])]]
     }
 
     /// The tile that a pixel lies in and its place there; none outside the picture.
     fn place(&self, pixel: [i32; 2]) -> Option<Place> {
-        let [x, y] = pixel.map(|c| c as u32);
+        let (x, y) = (pixel[0] as u32, pixel[1] as u32);
         // Negative numbers are too large ones.
         let is_inside = x < self.size[0] && y < self.size[1];
         is_inside
@@ -82,8 +86,8 @@ impl TileGrid {
         }
         let tile = |c: i32, axis: usize| c.clamp(0, self.size[axis] as i32 - 1) as u32 / TILE;
         TouchedTiles {
-            first: [0, 1].map(|i| tile(low[i], i)),
-            end: [0, 1].map(|i| tile(high[i], i) + 1),
+            first: [tile(low[0], 0), tile(low[1], 1)],
+            end: [tile(high[0], 0) + 1, tile(high[1], 1) + 1],
             stride,
         }
     }
@@ -100,7 +104,8 @@ struct TouchedTiles {
 
 impl TouchedTiles {
     fn len(&self) -> usize {
-        [0, 1].map(|i| (self.end[i] - self.first[i]) as usize).iter().product()
+        let length = |i: usize| (self.end[i] - self.first[i]) as usize;
+        length(0) * length(1)
     }
 
     fn single(&self) -> Option<u32> {
@@ -278,7 +283,9 @@ struct Setup<'a> {
 impl Setup<'_> {
     /// Appends what is visible of a triangle, as a fan of its clipped polygon.
     fn add(&self, triangle: usize, out: &mut Pieces) {
-        let vertices = self.mesh.triangles[triangle].map(|v| self.vertices[v as usize]);
+        let [a, b, c] = self.mesh.triangles[triangle];
+        let vertex = |v: u32| self.vertices[v as usize];
+        let vertices = [vertex(a), vertex(b), vertex(c)];
         if vertices.iter().all(|v| v.nearness > 0.0) {
             self.add_piece(triangle, vertices, out);
             return;
@@ -292,8 +299,9 @@ impl Setup<'_> {
     }
 
     fn add_piece(&self, triangle: usize, vertices: [ScreenVertex; 3], out: &mut Pieces) {
-        let mut corners = vertices.map(|v| v.at);
-        let mut nearness = vertices.map(|v| v.nearness);
+        let [a, b, c] = vertices;
+        let mut corners = [a.at, b.at, c.at];
+        let mut nearness = [a.nearness, b.nearness, c.nearness];
         let area = doubled_area(&corners);
         // Counter-clockwise in space is counter-clockwise to the eye, too: negative with y down.
         let front = area < 0;
@@ -317,7 +325,8 @@ impl Setup<'_> {
         primitive.layered = self.surface.coverage(triangle) == Coverage::Layered;
         match inside {
             SamplesIn::One(pixel) if !primitive.layered => {
-                let position = [0, 1].map(|i| pixel[i] * SUBPIXELS + self.pattern.offsets()[0][i]);
+                let [x, y] = self.pattern.offsets()[0];
+                let position = [pixel[0] * SUBPIXELS + x, pixel[1] * SUBPIXELS + y];
                 out.dots.extend(self.grid.place(pixel).and_then(|place| place.dot(&primitive, position)));
             }
             _ => out.primitives.push(primitive),
@@ -417,14 +426,16 @@ pub(crate) fn snap(screen: DVec2) -> FixedPoint {
     let limit = GUARD_BAND + 1.0;
     // Half up, by truncation of a number that is never negative (rounding is a library call without SSE4.1).
     let origin = 1 << 25;
-    [screen.x, screen.y]
-        .map(|c| (c.clamp(-limit, limit) * f64::from(SUBPIXELS) + (f64::from(origin) + 0.5)) as i32 - origin)
+    let fixed =
+        |c: f64| (c.clamp(-limit, limit) * f64::from(SUBPIXELS) + (f64::from(origin) + 0.5)) as i32 - origin;
+    [fixed(screen.x), fixed(screen.y)]
 }
 
 /// Twice the signed area: positive where the corners run clockwise on the screen (y down).
 pub(crate) fn doubled_area(v: &[FixedPoint; 3]) -> i64 {
-    let [a, b, c] = v.map(|p| p.map(i64::from));
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    let [a, b, c] = v;
+    let along = |p: &FixedPoint, i: usize| i64::from(p[i]) - i64::from(a[i]);
+    along(b, 0) * along(c, 1) - along(b, 1) * along(c, 0)
 }
 
 /// `value = dx * x + dy * y + constant` over fixed-point positions: not negative exactly on the samples that the edge
@@ -440,8 +451,8 @@ impl Edge {
     /// The edge from `a` to `b` of a triangle that runs clockwise on the screen. A sample exactly on the edge belongs
     /// to the triangle if the edge is its top edge or one of its left edges.
     pub(crate) fn new(a: FixedPoint, b: FixedPoint) -> Self {
-        let [ax, ay] = a.map(i64::from);
-        let [bx, by] = b.map(i64::from);
+        let (ax, ay) = (i64::from(a[0]), i64::from(a[1]));
+        let (bx, by) = (i64::from(b[0]), i64::from(b[1]));
         let (dx, dy) = (ay - by, bx - ax);
         let is_top = ay == by && bx > ax;
         let is_left = by < ay;
@@ -484,8 +495,8 @@ impl Place {
     /// What this pixel's sample, which lies at `position`, sees of a primitive.
     pub(crate) fn dot(self, primitive: &Primitive, position: FixedPoint) -> Option<PlacedDot> {
         let [a, b, c] = primitive.corners;
-        let [x, y] = position.map(i64::from);
-        let [ab, bc, ca] = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)].map(|edge| edge.at(x, y));
+        let (x, y) = (i64::from(position[0]), i64::from(position[1]));
+        let (ab, bc, ca) = (Edge::new(a, b).at(x, y), Edge::new(b, c).at(x, y), Edge::new(c, a).at(x, y));
         // Covered where no sign bit is set.
         (ab | bc | ca >= 0).then(|| {
             let nearness = NearnessPlane::new(primitive).at(position);

@@ -28,16 +28,19 @@ pub(crate) struct NearnessPlane {
 impl NearnessPlane {
     pub(crate) fn new(p: &Primitive) -> Self {
         let [a, b, c] = p.corners;
-        let [na, nb, nc] = p.nearness.map(f64::from);
-        let [bx, by, cx, cy] = [b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]].map(f64::from);
+        let [na, nb, nc] = p.nearness;
+        let (na, nb, nc) = (f64::from(na), f64::from(nb), f64::from(nc));
+        let (bx, by) = (f64::from(b[0] - a[0]), f64::from(b[1] - a[1]));
+        let (cx, cy) = (f64::from(c[0] - a[0]), f64::from(c[1] - a[1]));
         let inverse = 1.0 / (bx * cy - by * cx);
         let slope =
             [((nb - na) * cy - (nc - na) * by) * inverse, ((nc - na) * bx - (nb - na) * cx) * inverse];
         Self { origin: a, value: na, slope, low: na.min(nb).min(nc), high: na.max(nb).max(nc) }
     }
 
+    #[inline]
     pub(crate) fn at(&self, [x, y]: [i32; 2]) -> f32 {
-        let [dx, dy] = [x - self.origin[0], y - self.origin[1]].map(f64::from);
+        let (dx, dy) = (f64::from(x - self.origin[0]), f64::from(y - self.origin[1]));
         (self.value + self.slope[0] * dx + self.slope[1] * dy).clamp(self.low, self.high) as f32
     }
 }
@@ -74,6 +77,7 @@ impl<'a> TileSamples<'a> {
         Self { pattern, rect, nearness: vec![0.0; count], triangles: vec![NO_TRIANGLE; count] }
     }
 
+    #[inline]
     pub(crate) fn visible(&self, pixel: u32) -> &[u32] {
         let n = self.pattern.len();
         &self.triangles[pixel as usize * n..][..n]
@@ -99,6 +103,7 @@ impl<'a> TileSamples<'a> {
         self.see(dot.pixel as usize, dot.nearness, dot.triangle);
     }
 
+    #[inline]
     fn see(&mut self, sample: usize, nearness: f32, triangle: u32) {
         let (nearest, seen) = (&mut self.nearness[sample], &mut self.triangles[sample]);
         if nearness > *nearest || (nearness == *nearest && triangle < *seen) {
@@ -203,8 +208,9 @@ fn for_each_covered(
         return for_each_covered_once(primitive, origin, [start, extent], *offset, visit);
     }
     let [low, high] = primitive.pixel_bounds();
-    let first: [i32; 2] = [0, 1].map(|i| low[i].max(start[i] as i32));
-    let last: [i32; 2] = [0, 1].map(|i| high[i].min((start[i] + extent[i]) as i32 - 1));
+    let first = [low[0].max(start[0] as i32), low[1].max(start[1] as i32)];
+    let last = |i: usize| high[i].min((start[i] + extent[i]) as i32 - 1);
+    let last = [last(0), last(1)];
     let [a, b, c] = primitive.corners;
     let coverage = PixelCoverage::new([Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)], pattern);
     for block_y in (first[1]..=last[1]).step_by(BLOCK as usize) {
@@ -240,18 +246,18 @@ fn for_each_covered_once(
     mut visit: impl FnMut(u32, [i32; 2], u64),
 ) {
     let [low, high] = primitive.bounds();
-    let first: [i32; 2] = [0, 1].map(|i| (low[i] - offset[i] - 1).div_euclid(SUBPIXELS) + 1);
-    let first: [i32; 2] = [0, 1].map(|i| first[i].max(start[i] as i32));
-    let last: [i32; 2] =
-        [0, 1].map(|i| (high[i] - offset[i]).div_euclid(SUBPIXELS).min((start[i] + extent[i]) as i32 - 1));
+    let first = |i: usize| ((low[i] - offset[i] - 1).div_euclid(SUBPIXELS) + 1).max(start[i] as i32);
+    let last = |i: usize| (high[i] - offset[i]).div_euclid(SUBPIXELS).min((start[i] + extent[i]) as i32 - 1);
+    let (first, last) = ([first(0), first(1)], [last(0), last(1)]);
     if first[0] > last[0] || first[1] > last[1] {
         return;
     }
     let [a, b, c] = primitive.corners;
     let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
     let step = i64::from(SUBPIXELS);
-    let sample = [0, 1].map(|i| i64::from(first[i] * SUBPIXELS + offset[i]));
-    let mut row_values = edges.map(|e| e.at(sample[0], sample[1]));
+    let sample = |i: usize| i64::from(first[i] * SUBPIXELS + offset[i]);
+    let (x, y) = (sample(0), sample(1));
+    let mut row_values = [edges[0].at(x, y), edges[1].at(x, y), edges[2].at(x, y)];
     for y in first[1]..=last[1] {
         let mut values = row_values;
         for x in first[0]..=last[0] {
@@ -260,9 +266,13 @@ fn for_each_covered_once(
                 let pixel = (y - origin[1] as i32) as u32 * TILE + (x - origin[0] as i32) as u32;
                 visit(pixel, [x * SUBPIXELS, y * SUBPIXELS], 1);
             }
-            values = [0, 1, 2].map(|i| values[i] + edges[i].dx * step);
+            for i in 0..3 {
+                values[i] += edges[i].dx * step;
+            }
         }
-        row_values = [0, 1, 2].map(|i| row_values[i] + edges[i].dy * step);
+        for i in 0..3 {
+            row_values[i] += edges[i].dy * step;
+        }
     }
 }
 
@@ -277,31 +287,36 @@ struct PixelCoverage<'a> {
 impl<'a> PixelCoverage<'a> {
     fn new(edges: [Edge; 3], pattern: &'a SamplePattern) -> Self {
         let side = i64::from(SUBPIXELS);
-        let reach = edges.map(|e| {
+        let reach = |e: Edge| {
             let [x, y] = [e.dx * side, e.dy * side];
             [x.max(0) + y.max(0), x.min(0) + y.min(0)]
-        });
+        };
+        let reach = [reach(edges[0]), reach(edges[1]), reach(edges[2])];
         Self { edges, pattern, reach }
     }
 
     /// True where one edge has all pixels `first..=last` on its outer side.
     fn misses_block(&self, first: [i32; 2], last: [i32; 2]) -> bool {
         let side = i64::from(SUBPIXELS);
-        self.edges.iter().zip(self.reach).any(|(e, [most, _])| {
+        let is_outside = |i: usize| {
+            let (e, [most, _]) = (&self.edges[i], self.reach[i]);
             let x = if e.dx > 0 { last[0] } else { first[0] };
             let y = if e.dy > 0 { last[1] } else { first[1] };
             e.at(i64::from(x) * side, i64::from(y) * side) + most < 0
-        })
+        };
+        is_outside(0) || is_outside(1) || is_outside(2)
     }
 
     /// The covered samples of the pixel with the given top left corner.
     fn mask(&self, corner: [i32; 2]) -> u64 {
-        let [x, y] = corner.map(i64::from);
-        let values = self.edges.map(|e| e.at(x, y));
+        let (x, y) = (i64::from(corner[0]), i64::from(corner[1]));
+        let [a, b, c] = &self.edges;
+        let values = [a.at(x, y), b.at(x, y), c.at(x, y)];
         let (mut inside, mut outside) = (true, false);
-        for (value, [most, least]) in values.into_iter().zip(self.reach) {
-            inside &= value + least >= 0;
-            outside |= value + most < 0;
+        for i in 0..3 {
+            let [most, least] = self.reach[i];
+            inside &= values[i] + least >= 0;
+            outside |= values[i] + most < 0;
         }
         if outside {
             return 0;
@@ -311,8 +326,10 @@ impl<'a> PixelCoverage<'a> {
         }
         let mut mask = 0;
         for (s, o) in self.pattern.offsets().iter().enumerate() {
-            let [ox, oy] = o.map(i64::from);
-            let covered = (0..3).all(|i| values[i] + self.edges[i].dx * ox + self.edges[i].dy * oy >= 0);
+            let (ox, oy) = (i64::from(o[0]), i64::from(o[1]));
+            let at = |i: usize| values[i] + self.edges[i].dx * ox + self.edges[i].dy * oy;
+            // Covered where no sign bit is set.
+            let covered = at(0) | at(1) | at(2) >= 0;
             mask |= u64::from(covered) << s;
         }
         mask

@@ -218,6 +218,7 @@ impl CornerNormals {
     }
 
     /// The interpolated unit normal on the front side, and its change along the pixel's edges, on the side that the eye sees.
+    #[inline]
     pub(crate) fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
         let (unnormalised, steps) = hit.interpolate(hit.at.corner_values(&self.0));
         let scale = unnormalised.length_recip();
@@ -226,11 +227,11 @@ impl CornerNormals {
         }
         let normal = unnormalised * scale;
         let scale = if hit.front { scale } else { -scale };
-        let steps = steps.map(|step| {
+        let along = |step: Vec3| {
             let step = step * scale;
             step - normal * normal.dot(step)
-        });
-        (normal, steps)
+        };
+        (normal, [along(steps[0]), along(steps[1])])
     }
 }
 

@@ -386,7 +386,7 @@ impl TexelQuad {
         if x0 / PAGE != x1 / PAGE || y0 / PAGE != y1 / PAGE {
             return (None, self);
         }
-        let [columns, rows] = [self.columns, self.rows].map(|i| i.map(|n| n % PAGE));
+        let (columns, rows) = ([x0 % PAGE, x1 % PAGE], [y0 % PAGE, y1 % PAGE]);
         (Some([x0 / PAGE, y0 / PAGE]), Self { columns, rows, ..self })
     }
 

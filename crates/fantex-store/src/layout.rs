@@ -42,7 +42,8 @@ pub fn page_grid(level_extent: [u32; 2]) -> [u32; 2] {
 
 /// Extent of one page in texels: [`PAGE`], except in the last column and row. `page` must lie in the [`page_grid`].
 pub fn page_extent(level_extent: [u32; 2], page: [u32; 2]) -> [u32; 2] {
-    [0, 1].map(|i| (level_extent[i] - page[i] * PAGE).min(PAGE))
+    let length = |i: usize| (level_extent[i] - page[i] * PAGE).min(PAGE);
+    [length(0), length(1)]
 }
 
 /// Top left texel of a page within its tile level.

@@ -66,14 +66,14 @@ impl Points {
     }
 
     fn light(&self, index: usize) -> Vec3 {
-        Vec3::from_array([0, 1, 2].map(|axis| self.light[axis].0[index]))
+        let [r, g, b] = &self.light;
+        Vec3::new(r.0[index], g.0[index], b.0[index])
     }
 }
 
 fn set(vectors: &mut Vectors, index: usize, value: Vec3) {
-    for (numbers, number) in vectors.iter_mut().zip(value.to_array()) {
-        numbers.0[index] = number;
-    }
+    let [x, y, z] = vectors;
+    (x.0[index], y.0[index], z.0[index]) = (value.x, value.y, value.z);
 }
 
 /// [`evaluate`] at many points: appends linear RGB towards the eye.
@@ -194,7 +194,7 @@ impl<S: Simd> Lobe<S> {
 
     #[inline(always)]
     fn reflected(&self, simd: S, l: Vector<S::f32s>) -> Vector<S::f32s> {
-        let [zero, one] = [0.0, 1.0].map(|x| S::f32s::splat(simd, x));
+        let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
         let n_l = dot::<S>(self.n, l);
         let half = normalize_or(simd, add::<S>(self.v, l), self.n);
         let beside = one - clamped(simd, dot::<S>(self.v, half), 0.0, 1.0);
@@ -259,8 +259,10 @@ fn split_sum<S: Simd>(simd: S, roughness: S::f32s, n_v: S::f32s) -> [S::f32s; 2]
 
 #[inline(always)]
 fn between<S: Simd>(simd: S, around: &[[f32; 16]], fx: S::f32s, fy: S::f32s) -> S::f32s {
-    let [a, b] = [0, 1].map(|i| S::f32s::from_slice(simd, &around[i][..S::f32s::LEN]));
-    let [c, d] = [2, 3].map(|i| S::f32s::from_slice(simd, &around[i][..S::f32s::LEN]));
+    let a = S::f32s::from_slice(simd, &around[0][..S::f32s::LEN]);
+    let b = S::f32s::from_slice(simd, &around[1][..S::f32s::LEN]);
+    let c = S::f32s::from_slice(simd, &around[2][..S::f32s::LEN]);
+    let d = S::f32s::from_slice(simd, &around[3][..S::f32s::LEN]);
     let upper = a + (b - a) * fx;
     upper + (c + (d - c) * fx - upper) * fy
 }

@@ -1,7 +1,7 @@
 //! The levels of many look-ups at once, in vectors: the steps of [`TileLookup`](super::TileLookup) in the same order, so the results are equal.
 
 use fantex_cover::Group;
-use fantex_texture::filter::{MAX_ANISOTROPY, log2_lanes};
+use fantex_texture::filter::{GRID_LOOK_UPS, GridPlaces, MAX_ANISOTROPY, log2_lanes};
 use fantex_texture::{Filter, FilterOptions};
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
@@ -9,9 +9,10 @@ use glam::Vec2;
 
 use super::lookup::MAX_FOOTPRINT;
 use crate::packing::level;
+use crate::{PAGE, TileId};
 
 /// Look-ups of a block; a whole number of vectors.
-pub(super) const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = GRID_LOOK_UPS;
 
 type Numbers = [f32; BLOCK];
 type Counts = [u32; BLOCK];
@@ -20,39 +21,47 @@ type Counts = [u32; BLOCK];
 #[repr(align(64))]
 pub(super) struct LevelBlock {
     count: usize,
+    /// Index of the tile's group.
+    group: Counts,
     /// Of level 0.
     extent: [Counts; 2],
     last: Counts,
-    /// Derivatives of tile coordinates: x and y of the first, then of the second.
+    /// Tile coordinates.
+    uv: [Numbers; 2],
+    /// Their derivatives: x and y of the first, then of the second.
     steps: [Numbers; 4],
+    /// The finer level, its columns and rows, those of the coarser one, and that one's share.
     fine: Counts,
     fine_extent: [Counts; 2],
     coarse_extent: [Counts; 2],
     coarse_share: Numbers,
+    /// Probes in each, and the way, in tile coordinates, that they are spread over.
     probes: Counts,
     span: [Numbers; 2],
+    /// Tile coordinates of the probes that were placed last, and the page that their texels lie in: row and column of it in 16 bits each.
+    probe_uv: [Numbers; 2],
+    page: Counts,
 }
 
-/// A look-up: two levels with bilinear probes in them.
-pub(super) struct ChosenLevels {
-    /// The finer level, and its columns and rows.
-    pub(super) fine: u32,
-    pub(super) fine_extent: [u32; 2],
-    /// The columns and rows of the coarser one; none after the last. They are not chosen where its share is 0.
-    pub(super) coarse_extent: Option<[u32; 2]>,
-    pub(super) coarse_share: f32,
-    /// Probes in each, and the way, in tile coordinates, that they are spread over.
-    pub(super) probes: u32,
-    pub(super) span: Vec2,
+/// No page: texels on both sides of a border of pages.
+const ACROSS: u32 = u32::MAX;
+
+/// One of the two levels of a look-up.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Depth {
+    Fine,
+    Coarse,
 }
 
-impl LevelBlock {
-    pub(super) fn new() -> Self {
+impl Default for LevelBlock {
+    fn default() -> Self {
         let (no_counts, no_numbers) = ([0; BLOCK], [0.0; BLOCK]);
         Self {
             count: 0,
+            group: no_counts,
             extent: [no_counts; 2],
             last: no_counts,
+            uv: [no_numbers; 2],
             steps: [no_numbers; 4],
             fine: no_counts,
             fine_extent: [no_counts; 2],
@@ -60,9 +69,13 @@ impl LevelBlock {
             coarse_share: no_numbers,
             probes: [1; BLOCK],
             span: [no_numbers; 2],
+            probe_uv: [no_numbers; 2],
+            page: no_counts,
         }
     }
+}
 
+impl LevelBlock {
     pub(super) fn len(&self) -> usize {
         self.count
     }
@@ -77,15 +90,15 @@ impl LevelBlock {
 
     /// Adds a look-up in a group's tile with derivatives of tile coordinates per pixel; the block must have room for it.
     #[inline]
-    pub(super) fn push(&mut self, group: &Group, steps: [Vec2; 2]) {
-        let index = self.count;
+    pub(super) fn push(&mut self, index: u32, group: &Group, uv: Vec2, [dx, dy]: [Vec2; 2]) {
+        let place = self.count;
         self.count += 1;
-        [self.extent[0][index], self.extent[1][index]] = group.extent;
-        self.last[index] = group.level_count() - 1;
-        let [dx, dy] = steps;
-        for (numbers, number) in self.steps.iter_mut().zip([dx.x, dx.y, dy.x, dy.y]) {
-            numbers[index] = number;
-        }
+        self.group[place] = index;
+        [self.extent[0][place], self.extent[1][place]] = group.extent;
+        self.last[place] = group.level_count() - 1;
+        (self.uv[0][place], self.uv[1][place]) = (uv.x, uv.y);
+        (self.steps[0][place], self.steps[1][place]) = (dx.x, dx.y);
+        (self.steps[2][place], self.steps[3][place]) = (dy.x, dy.y);
     }
 
     /// Chooses the levels of all look-ups, by a filter of bilinear probes.
@@ -96,24 +109,64 @@ impl LevelBlock {
             Filter::Anisotropic => {
                 dispatch!(level(), simd => choose_levels::<_, true>(simd, self, max_anisotropy));
                 dispatch!(level(), simd => choose_probes(simd, self, max_anisotropy));
+                return;
             }
-            // Level 0 and one probe, as in a block without look-ups.
-            _ => self.fine_extent = self.extent,
+            _ => {
+                self.fine_extent = self.extent;
+                (self.fine, self.coarse_share) = ([0; BLOCK], [0.0; BLOCK]);
+            }
+        }
+        self.probes = [1; BLOCK];
+    }
+
+    /// The most probes that a look-up has.
+    pub(super) fn max_probes(&self) -> u32 {
+        self.probes[..self.count].iter().fold(0, |most, &probes| most.max(probes))
+    }
+
+    /// Where the probes of this number lie in pages, or across their borders in levels, with their shares of the values: none where look-ups
+    /// have fewer probes, or nothing of the level.
+    pub(super) fn place(&mut self, depth: Depth, number: u32, places: &mut GridPlaces) {
+        places.count = self.count;
+        match depth {
+            Depth::Fine => dispatch!(level(), simd => place::<_, false>(simd, self, number, places)),
+            Depth::Coarse => dispatch!(level(), simd => place::<_, true>(simd, self, number, places)),
         }
     }
 
+    /// A look-up's tile at a level, and the level's columns and rows.
     #[inline]
-    pub(super) fn chosen(&self, index: usize) -> ChosenLevels {
-        let extent = |[columns, rows]: &[Counts; 2]| [columns[index], rows[index]];
-        let fine = self.fine[index];
-        ChosenLevels {
-            fine,
-            fine_extent: extent(&self.fine_extent),
-            coarse_extent: (fine < self.last[index]).then(|| extent(&self.coarse_extent)),
-            coarse_share: self.coarse_share[index],
-            probes: self.probes[index],
-            span: Vec2::new(self.span[0][index], self.span[1][index]),
-        }
+    pub(super) fn tile(&self, depth: Depth, index: usize) -> (TileId, [u32; 2]) {
+        let (level, [columns, rows]) = match depth {
+            Depth::Fine => (self.fine[index], &self.fine_extent),
+            Depth::Coarse => (self.fine[index] + 1, &self.coarse_extent),
+        };
+        (TileId { group: self.group[index], level }, [columns[index], rows[index]])
+    }
+
+    /// A look-up's group.
+    #[inline]
+    pub(super) fn group(&self, index: usize) -> u32 {
+        self.group[index]
+    }
+
+    /// The share of its group's mean, which comes after the last level, in a look-up.
+    #[inline]
+    pub(super) fn mean_share(&self, index: usize) -> f32 {
+        if self.fine[index] < self.last[index] { 0.0 } else { self.coarse_share[index] }
+    }
+
+    /// Column and row of the page that a probe lies in that was placed last; none across the border of pages.
+    #[inline]
+    pub(super) fn page(&self, index: usize) -> Option<[u32; 2]> {
+        let page = self.page[index];
+        (page != ACROSS).then_some([page & 0xffff, page >> 16])
+    }
+
+    /// Tile coordinates of a probe that was placed last.
+    #[inline]
+    pub(super) fn probe_uv(&self, index: usize) -> Vec2 {
+        Vec2::new(self.probe_uv[0][index], self.probe_uv[1][index])
     }
 }
 
@@ -200,6 +253,67 @@ fn choose_probes<S: Simd>(simd: S, block: &mut LevelBlock, max_anisotropy: f32) 
     }
 }
 
+/// As `TileLookup::probe`, in texels, with each probe's share.
+#[inline(always)]
+fn place<S: Simd, const IS_COARSE: bool>(
+    simd: S,
+    block: &mut LevelBlock,
+    number: u32,
+    places: &mut GridPlaces,
+) {
+    let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
+    for first in (0..block.count).step_by(S::f32s::LEN) {
+        let range = first..first + S::f32s::LEN;
+        let [columns, rows] = if IS_COARSE { &block.coarse_extent } else { &block.fine_extent };
+        let columns = S::u32s::from_slice(simd, &columns[range.clone()]);
+        let rows = S::u32s::from_slice(simd, &rows[range.clone()]);
+        let probes = S::u32s::from_slice(simd, &block.probes[range.clone()]);
+        let (count, is_one) = (probes.to_float::<S::f32s>(), probes.simd_le(S::u32s::splat(simd, 1)));
+
+        let share = S::f32s::from_slice(simd, &block.coarse_share[range.clone()]);
+        let fine = S::u32s::from_slice(simd, &block.fine[range.clone()]);
+        let is_last = fine.simd_ge(S::u32s::from_slice(simd, &block.last[range.clone()]));
+        let share = if IS_COARSE { is_last.select(zero, share) } else { one - share };
+        let is_there = probes.simd_gt(S::u32s::splat(simd, number));
+        is_there.select(share / count, zero).store_slice(&mut places.share[range.clone()]);
+
+        let along = S::f32s::splat(simd, number as f32 + 0.5) / count - 0.5;
+        let mut texels = [columns.to_float::<S::f32s>(), rows.to_float::<S::f32s>()];
+        for axis in 0..2 {
+            let middle = S::f32s::from_slice(simd, &block.uv[axis][range.clone()]);
+            let span = S::f32s::from_slice(simd, &block.span[axis][range.clone()]);
+            let uv = is_one.select(middle, middle + span * along);
+            uv.store_slice(&mut block.probe_uv[axis][range.clone()]);
+            texels[axis] = uv * texels[axis];
+        }
+        let (column, is_across_columns) = page_along(simd, texels[0], columns);
+        let (row, is_across_rows) = page_along(simd, texels[1], rows);
+        let is_across = is_across_columns | is_across_rows;
+        let none = S::u32s::splat(simd, 0);
+        let (left, top) = (is_across.select(none, column * PAGE), is_across.select(none, row * PAGE));
+        let page = is_across.select(S::u32s::splat(simd, ACROSS), (row << 16) | column);
+        page.store_slice(&mut block.page[range.clone()]);
+        (texels[0] - left.to_float::<S::f32s>()).store_slice(&mut places.x[range.clone()]);
+        (texels[1] - top.to_float::<S::f32s>()).store_slice(&mut places.y[range.clone()]);
+        let most = is_across.select(S::u32s::splat(simd, u32::MAX), S::u32s::splat(simd, PAGE));
+        (columns - left).min(most).store_slice(&mut places.columns[range.clone()]);
+        (rows - top).min(most).store_slice(&mut places.rows[range]);
+    }
+}
+
+/// The page along an axis that the two texels around a place lie in, and whether they lie in two.
+#[inline(always)]
+fn page_along<S: Simd>(simd: S, place: S::f32s, texels: S::u32s) -> (S::u32s, S::mask32s) {
+    let zero = S::f32s::splat(simd, 0.0);
+    let last = texels - 1;
+    let position = place - 0.5;
+    // NaN reads as 0.
+    let position = position.simd_gt(zero).select(position, zero).min(last.to_float::<S::f32s>());
+    let first = position.to_int::<S::u32s>();
+    let page = first >> PAGE.ilog2();
+    (page, !((first + 1).min(last) >> PAGE.ilog2()).simd_eq(page))
+}
+
 /// The square of the pixel's width in texels, as `squared_major` and `squared_minor`.
 #[inline(always)]
 fn squared_width<S: Simd, const IS_ANISOTROPIC: bool>(
@@ -264,6 +378,8 @@ mod tests {
 
     use super::super::TileLookup;
     use super::*;
+    use crate::cache::TexelQuad;
+    use crate::{page_extent, page_origin};
 
     fn group(extent: [u32; 2]) -> Group {
         let frame = Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X };
@@ -296,21 +412,80 @@ mod tests {
                 .collect();
             for filter in [Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic] {
                 let options = FilterOptions { filter, ..FilterOptions::default() };
-                let mut block = LevelBlock::new();
-                look_ups.iter().for_each(|(group, steps)| block.push(group, *steps));
+                let mut block = LevelBlock::default();
+                look_ups.iter().for_each(|(group, steps)| block.push(0, group, Vec2::ZERO, *steps));
                 block.choose(&options);
                 for (index, (group, steps)) in look_ups.iter().enumerate() {
                     let expected = TileLookup::new(0, group, Vec2::ZERO, *steps, &options);
-                    let chosen = block.chosen(index);
-                    let seen = (chosen.fine, chosen.coarse_share);
+                    let seen = (block.fine[index], block.coarse_share[index]);
                     assert_eq!(seen, expected.levels(), "{filter:?}: {group:?}, {steps:?}");
-                    let seen = (chosen.probes, chosen.span);
+                    let seen = (block.probes[index], Vec2::from(block.span.map(|axis| axis[index])));
                     assert_eq!(seen, (expected.probes, expected.span), "{filter:?}: {group:?}, {steps:?}");
-                    assert_eq!(chosen.fine_extent, group.level_extent(chosen.fine));
-                    if chosen.coarse_share > 0.0 {
-                        let has_coarse = chosen.fine + 1 < group.level_count();
-                        let coarse_extent = has_coarse.then(|| group.level_extent(chosen.fine + 1));
-                        assert_eq!(chosen.coarse_extent, coarse_extent);
+                    let tile = |depth| {
+                        let (TileId { level, .. }, extent) = block.tile(depth, index);
+                        (level, extent)
+                    };
+                    let fine = block.fine[index];
+                    assert_eq!(tile(Depth::Fine), (fine, group.level_extent(fine)));
+                    let is_last = fine + 1 == group.level_count();
+                    if block.coarse_share[index] > 0.0 && !is_last {
+                        assert_eq!(tile(Depth::Coarse), (fine + 1, group.level_extent(fine + 1)));
+                    }
+                    let expected = if is_last { block.coarse_share[index] } else { 0.0 };
+                    assert_eq!(block.mean_share(index), expected);
+                }
+            }
+        }
+    }
+    #[test]
+    fn vectors_and_single_look_ups_place_probes_alike() {
+        let mut random = Random::new(4);
+        let mut block = LevelBlock::default();
+        for filter in [Filter::Anisotropic, Filter::Trilinear, Filter::Bilinear] {
+            let options = FilterOptions { filter, ..FilterOptions::default() };
+            let mut unit = || random.unit() as f32;
+            let look_ups: Vec<_> = (0..BLOCK)
+                .map(|index| {
+                    let size = (unit() * 8.0 - 12.0).exp2();
+                    let steps = [Vec2::new(unit(), unit()) * size, Vec2::new(unit(), -unit()) * size];
+                    (group([4 + 20 * index as u32, 128]), Vec2::new(unit(), unit()), steps)
+                })
+                .collect();
+            block.clear();
+            for (index, (group, uv, steps)) in look_ups.iter().enumerate() {
+                block.push(index as u32, group, *uv, *steps);
+            }
+            block.choose(&options);
+            let mut places = GridPlaces::default();
+            for (depth, number) in
+                [Depth::Fine, Depth::Coarse].into_iter().flat_map(|d| [0, 1, 2, 9].map(|n| (d, n)))
+            {
+                block.place(depth, number, &mut places);
+                for (index, (group, uv, steps)) in look_ups.iter().enumerate() {
+                    let look_up = TileLookup::new(0, group, *uv, *steps, &options);
+                    let (fine, coarse) = look_up.levels();
+                    let share = match depth {
+                        _ if number >= look_up.probes => 0.0,
+                        Depth::Fine => 1.0 - coarse,
+                        Depth::Coarse if fine + 1 == group.level_count() => 0.0,
+                        Depth::Coarse => coarse,
+                    };
+                    assert_eq!(places.share[index], share / look_up.probes as f32);
+                    if share > 0.0 {
+                        let (tile, extent) = block.tile(depth, index);
+                        let uv = look_up.probe(number);
+                        assert_eq!(
+                            tile,
+                            TileId { group: index as u32, level: fine + (depth == Depth::Coarse) as u32 }
+                        );
+                        assert_eq!(block.probe_uv(index), uv);
+                        let page = TexelQuad::new(uv, extent).in_one_page().0;
+                        assert_eq!(block.page(index), page);
+                        let corner = page_origin(page.unwrap_or_default()).map(|n| n as f32);
+                        let place = uv * Vec2::from(extent.map(|n| n as f32)) - Vec2::from(corner);
+                        assert_eq!([places.x[index], places.y[index]], place.to_array());
+                        let extent = page.map_or(extent, |page| page_extent(extent, page));
+                        assert_eq!([places.columns[index], places.rows[index]], extent);
                     }
                 }
             }

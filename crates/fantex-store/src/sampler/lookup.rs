@@ -138,7 +138,7 @@ impl TileLookup {
         matches!(filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic)
     }
 
-    fn probe(&self, number: u32) -> Vec2 {
+    pub(super) fn probe(&self, number: u32) -> Vec2 {
         let along = (number as f32 + 0.5) / self.probes as f32 - 0.5;
         self.uv + self.span * along
     }

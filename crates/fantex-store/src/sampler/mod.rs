@@ -16,7 +16,7 @@
 mod batch;
 mod levels;
 mod lookup;
-mod plan;
+mod pages;
 
 use std::sync::{Arc, OnceLock};
 
@@ -27,6 +27,7 @@ use fantex_texture::FilterOptions;
 use fantex_texture::filter::TexelGrid;
 use glam::{Vec2, Vec3, Vec4};
 
+pub use batch::ManyValues;
 pub use lookup::TileLookup;
 
 use crate::{Channel, ChannelKind, PageCache, TileId};
@@ -343,6 +344,7 @@ impl<S: TileSource> Sampler<S> {
         }
     }
 
+    #[inline]
     fn values_of_sums(
         &self,
         sums: &[Vec4; VALUE_KINDS.len()],
@@ -365,6 +367,7 @@ impl<S: TileSource> Sampler<S> {
 }
 
 /// The value of a channel, of the weighted sum of its tiles' values in mesh space.
+#[inline]
 fn value_of_sum(kind: ChannelKind, sum: Vec4, vertex_normal: Vec3) -> Vec4 {
     match kind {
         ChannelKind::Normal => sum.truncate().try_normalize().unwrap_or(vertex_normal).extend(1.0),

@@ -427,8 +427,8 @@ fn sums<S: Simd, const C: usize>(simd: S, block: &AreaBlock, source: &Source<'_>
     for first in (0..count).step_by(S::f32s::LEN) {
         let mut sum = [S::f32s::splat(simd, 0.0); 4];
         for (words, weights) in words.iter().zip(&block.weights) {
-            let [a, b, c, d] = load_four(simd, &words[0], first);
-            let [e, f, g, h] = load_four(simd, &words[1], first);
+            let [a, b, c, d] = load_four(simd, &words[0].0[first..]);
+            let [e, f, g, h] = load_four(simd, &words[1].0[first..]);
             let words = [a, b, c, d, e, f, g, h];
             for (texel, weight) in weights.iter().enumerate() {
                 let weight = S::f32s::from_slice(simd, &weight.0[first..first + S::f32s::LEN]);

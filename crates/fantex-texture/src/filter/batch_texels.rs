@@ -195,12 +195,26 @@ pub(super) fn blend<S: Simd, const C: usize>(
     is_coverage: bool,
     first: usize,
 ) -> Channels<S::f32s> {
+    let upper = load_four(simd, &pairs.upper.0[first..first + S::f32s::LEN]);
+    let lower = load_four(simd, &pairs.lower.0[first..first + S::f32s::LEN]);
+    blend_words::<S, C>(simd, quads, [upper, lower], is_coverage, first)
+}
+
+/// The same, of texels that are at hand: the upper rows of the quads, and the lower ones.
+#[inline(always)]
+pub(super) fn blend_words<S: Simd, const C: usize>(
+    simd: S,
+    quads: &Quads,
+    [upper, lower]: [[S::u32s; 4]; 2],
+    is_coverage: bool,
+    first: usize,
+) -> Channels<S::f32s> {
     let range = first..first + S::f32s::LEN;
     let right = S::f32s::from_slice(simd, &quads.right_share.0[range.clone()]);
-    let lower = S::f32s::from_slice(simd, &quads.lower_share.0[range]);
-    let upper_row = row::<S, C>(simd, load_four(simd, &pairs.upper, first), right, is_coverage);
-    let lower_row = row::<S, C>(simd, load_four(simd, &pairs.lower, first), right, is_coverage);
-    mix::<S, C>(upper_row, lower_row, lower)
+    let lower_share = S::f32s::from_slice(simd, &quads.lower_share.0[range]);
+    let upper_row = row::<S, C>(simd, upper, right, is_coverage);
+    let lower_row = row::<S, C>(simd, lower, right, is_coverage);
+    mix::<S, C>(upper_row, lower_row, lower_share)
 }
 
 #[inline(always)]
@@ -252,18 +266,46 @@ fn texel<S: Simd, const C: usize>(
     texel
 }
 
-/// Four words of every look-up from `first` on, those of equal place together.
+/// Four words of as many look-ups as a vector has lanes, those of equal place together.
 #[inline(always)]
-pub(super) fn load_four<S: Simd>(simd: S, words: &Block<[u64; 2]>, first: usize) -> [S::u32s; 4] {
+pub(super) fn load_four<S: Simd>(simd: S, words: &[[u64; 2]]) -> [S::u32s; 4] {
     let lanes = S::u64s::LEN;
-    let words = &words.0.as_flattened()[2 * first..2 * first + 4 * lanes];
-    let a = S::u64s::from_slice(simd, &words[..lanes]).bitcast::<S::u32s>();
-    let b = S::u64s::from_slice(simd, &words[lanes..2 * lanes]).bitcast::<S::u32s>();
-    let c = S::u64s::from_slice(simd, &words[2 * lanes..3 * lanes]).bitcast::<S::u32s>();
-    let d = S::u64s::from_slice(simd, &words[3 * lanes..]).bitcast::<S::u32s>();
+    let words = &words.as_flattened()[..4 * lanes];
+    let a = S::u64s::from_slice(simd, &words[..lanes]);
+    let b = S::u64s::from_slice(simd, &words[lanes..2 * lanes]);
+    let c = S::u64s::from_slice(simd, &words[2 * lanes..3 * lanes]);
+    let d = S::u64s::from_slice(simd, &words[3 * lanes..]);
+    apart::<S>([a.bitcast(), b.bitcast(), c.bitcast(), d.bitcast()])
+}
+
+/// Words that follow one another by look-ups, those of equal place together.
+#[inline(always)]
+fn apart<S: Simd>([a, b, c, d]: [S::u32s; 4]) -> [S::u32s; 4] {
     let ((even_ab, odd_ab), (even_cd, odd_cd)) = (a.deinterleave(b), c.deinterleave(d));
     let ((w0, w2), (w1, w3)) = (even_ab.deinterleave(even_cd), odd_ab.deinterleave(odd_cd));
     [w0, w1, w2, w3]
+}
+
+/// As [`load_four`], of bytes that are [`widened`].
+#[inline(always)]
+pub(super) fn widen_four<S: Simd>(
+    simd: S,
+    bytes: &Block<u64>,
+    meaning: Meaning,
+    first: usize,
+) -> [S::u32s; 4] {
+    if has_byte_tables::<S>() {
+        let lanes = S::u64s::LEN;
+        let bytes = &bytes.0[first..first + 2 * lanes];
+        let [a, b] = widened_bytes(simd, S::u64s::from_slice(simd, &bytes[..lanes]).bitcast(), meaning);
+        let [c, d] = widened_bytes(simd, S::u64s::from_slice(simd, &bytes[lanes..]).bitcast(), meaning);
+        return apart::<S>([a.bitcast(), b.bitcast(), c.bitcast(), d.bitcast()]);
+    }
+    let mut words = [[0; 2]; 16];
+    for (word, bytes) in words.iter_mut().zip(&bytes.0[first..first + S::f32s::LEN]) {
+        *word = widened(*bytes, meaning);
+    }
+    load_four(simd, &words)
 }
 
 /// Writes one colour per look-up from `first` on: grey in all colour channels, 1 for missing alpha.
@@ -488,9 +530,7 @@ pub(super) fn widen<S: Simd>(
     if has_byte_tables::<S>() {
         for first in (0..count).step_by(8) {
             let codes = S::u64s::from_slice(simd, &bytes.0[first..first + 8]).bitcast::<S::u8s>();
-            let alpha = S::u32s::splat(simd, 0xff00_0000).bitcast::<S::u8s>();
-            let (low, high) = numbers(simd, codes, meaning, alpha);
-            let (near, far) = low.interleave(high);
+            let [near, far] = widened_bytes(simd, codes, meaning);
             let out = out.0[first..first + 8].as_flattened_mut();
             near.bitcast::<S::u64s>().store_slice(&mut out[..8]);
             far.bitcast::<S::u64s>().store_slice(&mut out[8..]);
@@ -500,6 +540,15 @@ pub(super) fn widen<S: Simd>(
             *out = widened(*bytes, meaning);
         }
     }
+}
+
+/// [`widened`] for vectors of 64 bytes.
+#[inline(always)]
+fn widened_bytes<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning) -> [S::u8s; 2] {
+    let alpha = S::u32s::splat(simd, 0xff00_0000).bitcast::<S::u8s>();
+    let (low, high) = numbers(simd, codes, meaning, alpha);
+    let (near, far) = low.interleave(high);
+    [near, far]
 }
 
 /// [`widened`] less a half, so that numbers have a sign, for vectors of 64 bytes in which the bytes of two texels stand in pairs

@@ -12,11 +12,13 @@ mod area;
 mod batch;
 mod batch_texels;
 mod footprint;
+mod grids;
 mod mipmap;
 mod taps;
 
-pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid, log2_lanes};
+pub use batch::log2_lanes;
 pub use footprint::{EWA_MINOR_TEXELS, EllipseRow, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, log2};
+pub use grids::{ColorSums, GRID_LOOK_UPS, GridLookUps, GridPlaces, TexelGrid};
 pub use mipmap::{Overlap, halved_level, halved_row, overlaps};
 pub use taps::catmull_rom_weights;
 
