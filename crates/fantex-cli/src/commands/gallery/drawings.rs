@@ -261,7 +261,7 @@ fn environments(gallery: &Gallery<'_>) -> Pictures {
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(gallery: &Gallery<'_>) -> Pictures {
     let mesh = open_model(&gallery.shipped.file("assets/models/CornellBox.glb"), gallery.context)?;
-    let budget = TexelBudget::Total(50_000);
+    let budget = TexelBudget::Total(16_000);
     let options = CoverOptions { budget, cut_creases: true, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = LookSource::of_model(&mesh)?;
@@ -297,7 +297,7 @@ fn light_map(gallery: &Gallery<'_>) -> Pictures {
         let lights = if is_open { Vec::new() } else { vec![lamp] };
         let sky: &dyn Sky = if is_open { &day } else { &night };
         let scene = LightScene { lights, sky, reflector: &reflector };
-        let light_options = LightMapOptions { quantity, samples: 64, ..LightMapOptions::default() };
+        let light_options = LightMapOptions { quantity, samples: 256, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, gallery)?;
         let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());
