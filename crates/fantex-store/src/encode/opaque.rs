@@ -10,6 +10,8 @@
 //! fastest, which takes nearly five times as long, as it looks up weights and end points lane by lane. Each lane is a block. What is summed
 //! are integers that single precision holds, and nothing else is fused: blocks are the same on all processors.
 
+#![allow(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
+
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch};
 
