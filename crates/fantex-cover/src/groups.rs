@@ -309,8 +309,8 @@ fn grouped<'a>(
     Ok(Grouped { cost, builder, patches })
 }
 
-/// Unions are chosen by summaries, in so many rounds at most, and then laid flat; and that so many times, `(times, rounds)`. Mostly no round finds
-/// anything before the last.
+/// Unions are chosen by summaries, in so many rounds at most, and then laid flat; and that so many times, `(times, rounds)`. Large groups are laid flat
+/// whole, however little joins them, so it pays to choose all that joins them before.
 const JOINING: (usize, u32) = (2, 32);
 
 /// The same of small meshes. Where all is made of boxes whole unions fail for one of their parts; small ones are laid flat sooner.

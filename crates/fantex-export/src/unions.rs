@@ -142,6 +142,8 @@ struct Tried {
 /// By their pieces.
 type AllTried = FxHashMap<[u32; 2], Tried>;
 
+type Taken = FxHashSet<u32>;
+
 #[derive(Default)]
 struct Buffers {
     sheet: Sheet,
@@ -311,13 +313,14 @@ impl<'a> Uniter<'a> {
         let mut tried = AllTried::default();
         while !progress.is_cancelled() {
             progress.reach(begin + (end - begin) * (1.0 - left as f64 / count as f64));
-            let mut taken = FxHashSet::default();
-            let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken);
+            let mut taken = Taken::default();
+            let batch = self.cheapest(&mut plans, left.div_ceil(PIECES_PER_TRIAL), &mut taken, true);
             if batch.is_empty() {
                 break;
             }
             if !batch.iter().all(|plan| is_tried(plan, &tried)) {
-                let later = self.cheapest(&mut plans, AHEAD * rayon::current_num_threads(), &mut taken);
+                let ahead = AHEAD * rayon::current_num_threads();
+                let later = self.cheapest(&mut plans, ahead, &mut taken, false);
                 self.try_all(&batch, &later, &mut tried);
                 plans.put_back(later);
             }
@@ -345,20 +348,21 @@ impl<'a> Uniter<'a> {
     }
 
     /// The cheapest plans that have no piece in common, at most `most`, and none of those `taken`. Those of pieces that have changed are
-    /// made anew.
-    fn cheapest(&self, plans: &mut Plans, most: usize, taken: &mut FxHashSet<u32>) -> Vec<Plan> {
+    /// made anew where they are due; ahead of that, which depends on the number of threads, they stay as they are.
+    fn cheapest(&self, plans: &mut Plans, most: usize, taken: &mut Taken, are_due: bool) -> Vec<Plan> {
         let (mut batch, mut waiting) = (Vec::new(), Vec::new());
         while batch.len() < most
             && let Some(plan) = plans.pop()
         {
             let [a, b] = plan.pieces;
-            if plan.pieces.iter().any(|i| taken.contains(i)) {
+            let is_known = plan.pieces.map(|i| self.pieces[i as usize].version) == plan.versions;
+            if plan.pieces.iter().any(|i| taken.contains(i)) || !(is_known || are_due) {
                 waiting.push(plan);
                 // Not all plans for a few unions.
                 if waiting.len() > 2 * most {
                     break;
                 }
-            } else if plan.pieces.map(|i| self.pieces[i as usize].version) == plan.versions {
+            } else if is_known {
                 taken.extend(plan.pieces);
                 batch.push(plan);
             } else {

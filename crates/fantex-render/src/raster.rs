@@ -255,6 +255,9 @@ fn for_each_covered_once(
     let [a, b, c] = primitive.corners;
     let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
     let step = i64::from(SUBPIXELS);
+    let right = [edges[0].dx * step, edges[1].dx * step, edges[2].dx * step];
+    let down = [edges[0].dy * step, edges[1].dy * step, edges[2].dy * step];
+    let moved = |[a, b, c]: [i64; 3], [x, y, z]: [i64; 3]| [a + x, b + y, c + z];
     let sample = |i: usize| i64::from(first[i] * SUBPIXELS + offset[i]);
     let (x, y) = (sample(0), sample(1));
     let mut row_values = [edges[0].at(x, y), edges[1].at(x, y), edges[2].at(x, y)];
@@ -266,13 +269,9 @@ fn for_each_covered_once(
                 let pixel = (y - origin[1] as i32) as u32 * TILE + (x - origin[0] as i32) as u32;
                 visit(pixel, [x * SUBPIXELS, y * SUBPIXELS], 1);
             }
-            for i in 0..3 {
-                values[i] += edges[i].dx * step;
-            }
+            values = moved(values, right);
         }
-        for i in 0..3 {
-            row_values[i] += edges[i].dy * step;
-        }
+        row_values = moved(row_values, down);
     }
 }
 
@@ -312,16 +311,15 @@ impl<'a> PixelCoverage<'a> {
         let (x, y) = (i64::from(corner[0]), i64::from(corner[1]));
         let [a, b, c] = &self.edges;
         let values = [a.at(x, y), b.at(x, y), c.at(x, y)];
-        let (mut inside, mut outside) = (true, false);
-        for i in 0..3 {
-            let [most, least] = self.reach[i];
-            inside &= values[i] + least >= 0;
-            outside |= values[i] + most < 0;
-        }
-        if outside {
+        // Outside where a sign bit is set even of the greatest values in the pixel, inside where none is of the least.
+        let extreme = |which: usize| {
+            let value = |i: usize| values[i] + self.reach[i][which];
+            value(0) | value(1) | value(2)
+        };
+        if extreme(0) < 0 {
             return 0;
         }
-        if inside {
+        if extreme(1) >= 0 {
             return self.pattern.full_mask();
         }
         let mut mask = 0;

@@ -20,6 +20,7 @@ use crate::TexelFormat;
 use crate::layout::is_block_extent;
 
 mod constant;
+mod opaque;
 mod selectors;
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
@@ -267,6 +268,7 @@ fn encode_rows(format: TexelFormat, quality: Quality, alpha: bool, rows: &[Block
 fn encode_strip(format: TexelFormat, quality: Quality, alpha: bool, rows: &[BlockRow<'_>]) -> Vec<u8> {
     let width = rows.iter().map(|row| row.len() as u32 / 4).sum();
     match format {
+        TexelFormat::Bc7 if quality == Quality::UltraFast && !alpha => opaque::encode(rows),
         TexelFormat::Bc7 => {
             let data = strip_of::<4>(rows);
             let surface = RgbaSurface { data: &data, width, height: 4, stride: 4 * width };

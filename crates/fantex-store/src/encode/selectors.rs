@@ -14,7 +14,7 @@
 //! equal, and repeat. `docs/benchmarks.md` has the figures.
 
 use fearless_simd::prelude::*;
-use fearless_simd::{Simd, dispatch, f32x16};
+use fearless_simd::{Simd, dispatch, f32x16, i32x16, u32x8, u32x16};
 
 use crate::packing;
 
@@ -59,7 +59,8 @@ struct Best<S: Simd> {
 }
 
 /// Places of selectors between the end points, in 64ths.
-const SELECTOR_PLACES: [i32; 16] = [0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64];
+const SELECTOR_PLACES: [f32; 16] =
+    [0.0, 4.0, 9.0, 13.0, 17.0, 21.0, 26.0, 30.0, 34.0, 38.0, 43.0, 47.0, 51.0, 55.0, 60.0, 64.0];
 
 /// Replaces selectors of BC7 blocks of mode 6; others stay as they are. `alpha`: if alpha counts.
 pub(super) fn prefer_cheap(alpha: bool, blocks: &mut [u8], texels: impl Iterator<Item = Texels>) {
@@ -82,37 +83,85 @@ fn prefer_cheap_in_block<S: Simd>(simd: S, bytes: &mut [u8; 16], texels: &Texels
         return;
     }
     let (ends, bits) = (word(bytes, 0), word(bytes, 8));
-    let mut errors = [f32x16::splat(simd, 0.0); 16];
+    let own = selectors_of(simd, bits);
+    let own_places = (own * (64.0 / 15.0) + 0.5).floor();
+    // Sixteen times a selector's error, and the selector: all numbers here are integers that single precision holds, so that the least one
+    // tells both, and fused products are not rounded.
+    let mut numbered = [f32x16::splat(simd, 0.0); 16];
+    for (number, numbered) in numbered.iter_mut().enumerate() {
+        *numbered = f32x16::splat(simd, number as f32);
+    }
+    let mut error = f32x16::splat(simd, 0.0);
+    let texels = texels_of(simd, texels);
+    let places = f32x16::from_slice(simd, &SELECTOR_PLACES);
+    let half = f32x16::splat(simd, 0.5);
     for c in 0..channels {
-        let channel = channel_of(simd, texels, c);
+        let channel = ((texels >> (8 * c as u32)) & 255).bitcast::<i32x16<S>>().to_float::<f32x16<S>>();
         let a = ((ends >> (7 + 14 * c)) as i32 & 127) << 1 | (ends >> 63) as i32;
         let b = ((ends >> (14 + 14 * c)) as i32 & 127) << 1 | bits as i32 & 1;
-        let mut values = [0.0; 16];
-        for (value, place) in values.iter_mut().zip(SELECTOR_PLACES) {
-            *value = (((64 - place) * a + place * b + 32) >> 6) as f32;
-        }
-        for (errors, value) in errors.iter_mut().zip(values) {
-            let difference = channel - value;
-            *errors += difference * difference;
+        let from_a = channel - a as f32;
+        // What decoders add to the first end point, at the selectors' places.
+        let step = f32x16::splat(simd, (b - a) as f32 / 64.0);
+        let difference = from_a - own_places.mul_add(step, half).floor();
+        error = difference.mul_add(difference, error);
+        let mut added = [0.0; 16];
+        (places.mul_add(step, half).floor() * 4.0).store_slice(&mut added);
+        let from_a = from_a * 4.0;
+        for (numbered, added) in numbered.iter_mut().zip(added) {
+            let difference = from_a - added;
+            *numbered = difference.mul_add(difference, *numbered);
         }
     }
     // The highest bit of the first texel's selector is not stored, but zero.
     let mut never = [0.0; 16];
     never[0] = f32::INFINITY;
-    for errors in &mut errors[8..] {
-        *errors += f32x16::from_slice(simd, &never);
+    for numbered in &mut numbered[8..] {
+        *numbered += f32x16::from_slice(simd, &never);
     }
-    let mut selectors = [0; 16];
-    for (i, selector) in selectors.iter_mut().enumerate() {
-        *selector = (bits >> (4 * i)) as u8 & 15;
-    }
-    selectors[0] >>= 1;
-    if cheapest(simd, &errors, &mut selectors) {
-        selectors[0] = selectors[0] << 1 | bits as u8 & 1;
-        for (byte, pair) in bytes[8..].iter_mut().zip(selectors.as_chunks::<2>().0) {
-            *byte = pair[0] | pair[1] << 4;
+    if let Some(chosen) = cheapest(simd, &numbered, error.reduce_sum()) {
+        let shifted =
+            chosen.to_int::<i32x16<S>>().bitcast::<u32x16<S>>() << u32x16::from_slice(simd, &SHIFTS);
+        let mut parts = [0; 16];
+        shifted.store_slice(&mut parts);
+        let mut halves = [0; 2];
+        for (half, parts) in halves.iter_mut().zip(parts.as_chunks::<8>().0) {
+            *half = parts.iter().fold(0, |all, part| all | part);
+        }
+        let word = u64::from(halves[0]) | u64::from(halves[1]) << 32 | bits & 1;
+        if bits_of(word) < bits_of(bits) {
+            bytes[8..].copy_from_slice(&word.to_le_bytes());
         }
     }
+}
+
+/// Where selectors lie in their half of a block's second word. That of the first texel has three bits, above one of an end point.
+const SHIFTS: [u32; 16] = [1, 4, 8, 12, 16, 20, 24, 28, 0, 4, 8, 12, 16, 20, 24, 28];
+
+/// The selectors of a block's second word.
+#[inline(always)]
+fn selectors_of<S: Simd>(simd: S, bits: u64) -> f32x16<S> {
+    let halves = [bits as u32, (bits >> 32) as u32].map(|half| u32x8::splat(simd, half));
+    let mut masks = [15; 16];
+    masks[0] = 7;
+    let bits: u32x16<S> = halves[0].combine(halves[1]);
+    let selectors = (bits >> u32x16::from_slice(simd, &SHIFTS)) & u32x16::from_slice(simd, &masks);
+    selectors.bitcast::<i32x16<S>>().to_float::<f32x16<S>>()
+}
+
+/// The supposed bits of its selectors, counted four bits at a time.
+fn bits_of(word: u64) -> f32 {
+    const LOWEST: u64 = 0x1111_1111_1111_1111;
+    let word = word & !15 | word >> 1 & 7;
+    let odd = word & LOWEST;
+    let of_two = word >> 1 & LOWEST & !odd;
+    let of_four = (word >> 2 | word >> 3) & LOWEST & !odd & !of_two;
+    let [odd, of_two, of_four] = [odd, of_two, of_four].map(u64::count_ones);
+    let [of_none, of_odd, of_twos, of_fours] = [0, 1, 2, 4].map(|selector| SELECTOR_BITS[selector]);
+    let none = 16 - odd - of_two - of_four;
+    [(none, of_none), (odd, of_odd), (of_two, of_twos), (of_four, of_fours)]
+        .iter()
+        .map(|&(count, bits)| count as f32 * bits)
+        .sum()
 }
 
 #[inline(always)]
@@ -123,36 +172,26 @@ fn word(bytes: &[u8; 16], at: usize) -> u64 {
 }
 
 #[inline(always)]
-fn channel_of<S: Simd>(simd: S, texels: &Texels, c: usize) -> f32x16<S> {
-    let mut channel = [0.0; 16];
-    for (value, texel) in channel.iter_mut().zip(texels) {
-        *value = f32::from(texel[c]);
+fn texels_of<S: Simd>(simd: S, texels: &Texels) -> u32x16<S> {
+    let mut words = [0; 16];
+    for (word, texel) in words.iter_mut().zip(texels) {
+        *word = u32::from_le_bytes(*texel);
     }
-    f32x16::from_slice(simd, &channel)
+    u32x16::from_slice(simd, &words)
 }
 
-/// Replaces selectors by cheaper ones whose errors, `errors[selector][texel]`, are no greater in all. False if there are none.
+/// Cheap selectors whose errors are not above what is allowed in all. `numbered[selector][texel]`: sixteen times the error, and the selector.
 #[inline(always)]
-fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]) -> bool {
-    let (mut own, mut own_bits) = ([0.0; 16], 0.0);
-    for (i, selector) in selectors.iter().enumerate() {
-        own[i] = f32::from(*selector);
-        own_bits += SELECTOR_BITS[usize::from(*selector)];
-    }
-    let own = f32x16::from_slice(simd, &own);
-    let mut error = f32x16::splat(simd, 0.0);
-    for (selector, &errors) in errors.iter().enumerate() {
-        error = own.simd_eq(selector as f32).select(errors, error);
-    }
-    let allowed = sum(error);
-    let mut best = [Best { error: errors[0], selector: f32x16::splat(simd, 0.0) }; CLASSES.len()];
+fn cheapest<S: Simd>(simd: S, numbered: &[f32x16<S>; 16], allowed: f32) -> Option<f32x16<S>> {
+    let none = f32x16::splat(simd, 0.0);
+    let mut best = [Best { error: none, selector: none }; CLASSES.len()];
     for (best, class) in best.iter_mut().zip(CLASSES) {
-        *best = Best { error: errors[class.first], selector: f32x16::splat(simd, class.first as f32) };
+        let mut least = numbered[class.first];
         for selector in (class.first + class.step..16).step_by(class.step) {
-            let is_less = errors[selector].simd_lt(best.error);
-            best.error = is_less.select(errors[selector], best.error);
-            best.selector = is_less.select(f32x16::splat(simd, selector as f32), best.selector);
+            least = least.min(numbered[selector]);
         }
+        best.error = (least * (1.0 / 16.0)).floor();
+        best.selector = least - best.error * 16.0;
     }
     let mut weight = FIRST_WEIGHT * allowed + MIN_WEIGHT;
     for _ in 0..MAX_WEIGHTS {
@@ -166,34 +205,12 @@ fn cheapest<S: Simd>(simd: S, errors: &[f32x16<S>; 16], selectors: &mut [u8; 16]
             error = is_less.select(best.error, error);
             chosen = is_less.select(best.selector, chosen);
         }
-        if sum(error) <= allowed {
-            let (mut choice, mut choice_bits) = ([0; 16], 0.0);
-            for (choice, &selector) in choice.iter_mut().zip(chosen.as_slice()) {
-                *choice = selector as u8;
-                choice_bits += SELECTOR_BITS[usize::from(*choice)];
-            }
-            let is_cheaper = choice_bits < own_bits;
-            if is_cheaper {
-                *selectors = choice;
-            }
-            return is_cheaper;
+        if error.reduce_sum() <= allowed {
+            return Some(chosen);
         }
         weight *= WEIGHT_STEP;
     }
-    false
-}
-
-/// In this order on all processors.
-#[inline(always)]
-fn sum<S: Simd>(values: f32x16<S>) -> f32 {
-    let mut sums = [0.0; 16];
-    values.store_slice(&mut sums);
-    for half in [8, 4, 2, 1] {
-        for i in 0..half {
-            sums[i] += sums[i + half];
-        }
-    }
-    sums[0]
+    None
 }
 
 #[cfg(test)]

@@ -279,12 +279,12 @@ fn place<S: Simd, const IS_COARSE: bool>(
 
         let along = S::f32s::splat(simd, number as f32 + 0.5) / count - 0.5;
         let mut texels = [columns.to_float::<S::f32s>(), rows.to_float::<S::f32s>()];
-        for axis in 0..2 {
+        for (axis, texels) in texels.iter_mut().enumerate() {
             let middle = S::f32s::from_slice(simd, &block.uv[axis][range.clone()]);
             let span = S::f32s::from_slice(simd, &block.span[axis][range.clone()]);
             let uv = is_one.select(middle, middle + span * along);
             uv.store_slice(&mut block.probe_uv[axis][range.clone()]);
-            texels[axis] = uv * texels[axis];
+            *texels = uv * *texels;
         }
         let (column, is_across_columns) = page_along(simd, texels[0], columns);
         let (row, is_across_rows) = page_along(simd, texels[1], rows);

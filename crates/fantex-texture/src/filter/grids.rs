@@ -309,6 +309,7 @@ fn two_words<S: Simd>(simd: S, words: &Block<u64>, first: usize) -> [S::u32s; 4]
 }
 
 /// Adds colours in units of [`UNIT`], by their shares.
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn add<S: Simd>(simd: S, color: [S::f32s; 4], share: S::f32s, sums: &mut ColorSums, first: usize) {
     for channel in 0..4 {
