@@ -38,8 +38,8 @@ pub struct CoverOptions {
     pub budget: TexelBudget,
     /// Stored texels at most, unless tiles are at their smallest: where densities would take more, all of them shrink alike.
     pub most_texels: Option<u64>,
-    /// Longest side of a tile of several fans in texels, up to eight times as much where surfaces would be torn into many more pieces; 0 gives every
-    /// fan its own tile.
+    /// Longest side of a tile of several fans in texels; of 512 or more, up to eight times as much where surfaces would be torn into many pieces.
+    /// 0 gives every fan its own tile.
     pub tile: u32,
     /// Width of the blend band in barycentric coordinates, 0 < delta <= 1/3.
     pub delta: f32,

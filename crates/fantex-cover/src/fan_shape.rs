@@ -97,8 +97,8 @@ pub(crate) fn projection_error(ring: &Ring, direction: Vec3) -> f32 {
 
 /// True where the projected fan surrounds its centre at most once. All its triangles face the direction.
 fn winds_once(ring: &Ring, direction: Vec3) -> bool {
-    let (x_axis, y_axis) = direction.any_orthonormal_pair();
     if ring.closed {
+        let y_axis = direction.any_orthonormal_pair().1;
         // A counter-clockwise ring edge that passes the positive x axis begins below and ends on or above it.
         let below = |spoke: &Vec3| spoke.dot(y_axis) < 0.0;
         let mut was_below = below(&ring.spokes[0]);
@@ -109,9 +109,19 @@ fn winds_once(ring: &Ring, direction: Vec3) -> bool {
         }
         return passes <= 1;
     }
-    let flat = |v: &Vec3| DVec2::new(v.dot(x_axis).into(), v.dot(y_axis).into());
-    let angle = |from: DVec2, to: DVec2| libm::atan2(from.perp_dot(to), from.dot(to)).abs();
-    let total: f64 = ring.spokes.windows(2).map(|pair| angle(flat(&pair[0]), flat(&pair[1]))).sum();
+    opens(ring.spokes.iter().copied(), direction)
+}
+
+/// True where the spokes of an open fan, one after the other, turn by less than a whole turn as seen along a direction that all triangles face.
+pub(crate) fn opens(spokes: impl Iterator<Item = Vec3>, direction: Vec3) -> bool {
+    let (x_axis, y_axis) = direction.any_orthonormal_pair();
+    let mut flat = spokes.map(|v| DVec2::new(v.dot(x_axis).into(), v.dot(y_axis).into()));
+    let Some(mut from) = flat.next() else { return true };
+    let mut total = 0.0;
+    for to in flat {
+        total += libm::atan2(from.perp_dot(to), from.dot(to)).abs();
+        from = to;
+    }
     total < std::f64::consts::TAU
 }
 

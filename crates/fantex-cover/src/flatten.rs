@@ -11,7 +11,7 @@ use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
 use crate::cost::{self, Distortion, Region};
 use crate::crossings::{Segment, any_crossing};
-use crate::fan_shape::{Layout, unfold};
+use crate::fan_shape::{Layout, opens, unfold};
 use crate::injective::{OverlapFinder, Wedge};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::surface::Surface;
@@ -114,7 +114,7 @@ impl Flattener {
         ))
     }
 
-    /// Projects a single fan along its own direction.
+    /// Projects a single fan along the direction of the least error, or along its own where an open fan would overlap itself.
     pub(crate) fn project_fan(
         &mut self,
         surface: &Surface<'_>,
@@ -122,13 +122,22 @@ impl Flattener {
         cone: Cone,
         limits: &FlatLimits,
     ) -> Flat {
-        let facets = || surface.fans.corners(fan).iter().map(|&corner| surface.fan_facet(corner));
-        let (direction, cos) = best_direction(facets(), cone, 0.5 * cone.cos);
-        let projection = Projection::new(surface.fan_center(fan), direction);
+        let corners = surface.fans.corners(fan);
+        let facets = || corners.iter().map(|&corner| surface.fan_facet(corner));
+        let (mut direction, mut cos) = best_direction(facets(), cone, 0.5 * cone.cos);
         let open = !surface.fans.is_closed(fan);
+        if open {
+            let triangles = || corners.iter().map(|&corner| surface.fan_triangle(corner));
+            let first = triangles().take(1).map(|[center, next, _]| next - center);
+            let others = triangles().map(|[center, _, previous]| previous - center);
+            if !opens(first.chain(others), direction) {
+                (direction, cos) = (cone.axis, cone.cos);
+            }
+        }
+        let projection = Projection::new(surface.fan_center(fan), direction);
         self.points.clear();
         let mut outline = 0.0;
-        for (i, &corner) in surface.fans.corners(fan).iter().enumerate() {
+        for (i, &corner) in corners.iter().enumerate() {
             let triangle = surface.fan_triangle(corner).map(|p| projection.flat(p));
             let points = &mut self.points;
             let inside = [true, false, false];

@@ -157,7 +157,8 @@ pub(crate) fn group_fans(
         let next = tried(number, number, false)?;
         best = if next.cost < best.cost { next } else { best };
     }
-    if may_gain && extent_texels > limits.extent_texels && best.loss() > TORN_DB {
+    let is_torn = limits.extent_texels >= MIN_TORN_EXTENT && best.loss() > TORN_DB;
+    if may_gain && is_torn && extent_texels > limits.extent_texels {
         let next = tried(count, 0, true)?;
         best = if next.loss() < best.loss() - LOSSY_DB { next } else { best };
         count += 1;
@@ -201,9 +202,10 @@ const MAX_UNROLLED_FLAT_FANS: usize = 500_000;
 const LOSSY_DB: f32 = 2.5;
 
 /// Meshes that lose so many decibels may be torn, as combs are whose teeth are longer than a tile: each is a piece by itself. They are tried with tiles
-/// that are longer by this factor.
+/// that are longer by this factor, but for tiles shorter than these: who asks for small ones loses much, and wants them.
 const TORN_DB: f32 = 6.0;
 const WIDER: f32 = 8.0;
+const MIN_TORN_EXTENT: f32 = 512.0;
 
 /// The share of the area around vertices where nothing is bent, above which a model has flat faces.
 const MIN_FLAT_SHARE: f32 = 0.25;

@@ -224,7 +224,7 @@ fn edges(mesh: &Mesh, across: &[u32]) -> Vec<Edge> {
 }
 
 /// A mesh is divided into about so many atoms, or more where normals differ; one of fewer triangles has an atom for each.
-const ATOMS: usize = 1 << 12;
+const ATOMS: usize = 1 << 13;
 
 /// The atom of every triangle, numbered from 0 in the order of their first triangles. From the first triangle that has none an atom grows ring
 /// by ring over those that its mean normal faces by [`STEEPEST_DEGREES`] at most. `facets`: normals, as long as twice the areas.

@@ -56,7 +56,7 @@ pub(crate) struct CoverArgs {
     #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
     /// Longest side of a tile of several fans in texels; 0 gives every fan its own tile. A surface that
-    /// this would tear into many more pieces gets up to eight times as much [default: 1024]
+    /// 512 or more would tear into many pieces gets up to eight times as much [default: 1024]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole::<u32>)]
     pub(crate) tile: Option<u32>,
     /// Cut triangles at bends until their edges are at most so many texels long; auto: as far as it makes textures sharper, which it does on

@@ -133,7 +133,7 @@ fn line<S: Simd>(
     }
     for a in 0..CHANNELS {
         for b in 0..CHANNELS {
-            covariances[a][b] = covariances[a][b] / all;
+            covariances[a][b] /= all;
         }
     }
     // What the channel that varies most has in common with each: no direction that is asked for is across it.
