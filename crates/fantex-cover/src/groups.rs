@@ -201,10 +201,13 @@ const MAX_UNROLLED_FLAT_FANS: usize = 500_000;
 /// Decibels beside as many ideal texels.
 const LOSSY_DB: f32 = 2.5;
 
-/// Meshes that lose so many decibels may be torn, as combs are whose teeth are longer than a tile: each is a piece by itself. They are tried with tiles
-/// that are longer by this factor, but for tiles shorter than these: who asks for small ones loses much, and wants them.
+/// Meshes that lose so many decibels may be torn, as combs are whose teeth are longer than a tile: each is a piece by itself.
 const TORN_DB: f32 = 6.0;
+
+/// They are tried with tiles that are longer by this factor.
 const WIDER: f32 = 8.0;
+
+/// Tiles shorter than this, in texels, stay so: who asks for small ones loses much, and wants them.
 const MIN_TORN_EXTENT: f32 = 512.0;
 
 /// The share of the area around vertices where nothing is bent, above which a model has flat faces.

@@ -66,8 +66,14 @@ impl<S: TileSource> Sampler<S> {
         count: usize,
         point: impl Fn(usize) -> (SurfacePoint, Footprint),
     ) -> ManyValues<'_, S> {
-        let mut values =
-            ManyValues { sampler: self, channels: [(0, 0); 6], count: 0, batch: None, entry: 0, point: 0 };
+        let mut values = ManyValues {
+            sampler: self,
+            channels: [(0, 0); VALUE_KINDS.len()],
+            count: 0,
+            batch: None,
+            entry: 0,
+            point: 0,
+        };
         for (place, channel) in self.value_channels.iter().enumerate() {
             if let Some(channel) = *channel {
                 values.channels[values.count] = (place, channel);

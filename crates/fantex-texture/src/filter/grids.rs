@@ -125,40 +125,43 @@ impl GridLookUps {
                     Some(TexelGrid::Rgba8 { texels, is_srgb: own }) if own == is_srgb => texels,
                     _ => &[],
                 };
-                let missed = self.read(places, texels);
-                let left;
-                let share = if missed == 0 {
-                    &places.share
-                } else {
-                    left = places.without(missed);
-                    &left
-                };
-                dispatch!(level(), simd => add_bytes(simd, self, share, places.count, is_srgb, sums));
-                missed
+                self.add_texels(places, texels, Meaning { is_srgb, has_alpha: true }, sums)
             }
             Some(TexelGrid::Rg16 { one, .. }) => {
                 let texels = |number| match grid(number) {
                     Some(TexelGrid::Rg16 { texels, one: own }) if own == one => texels,
                     _ => &[],
                 };
-                let missed = self.read(places, texels);
-                let left;
-                let share = if missed == 0 {
-                    &places.share
-                } else {
-                    left = places.without(missed);
-                    &left
-                };
-                dispatch!(level(), simd => add_numbers(simd, self, share, places.count, one, sums));
-                missed
+                self.add_texels(places, texels, one, sums)
             }
         }
+    }
+
+    /// The same of texels of one kind: `texels` has those of a grid, none for grids of others.
+    #[inline]
+    fn add_texels<'a, T: Texel + 'a>(
+        &mut self,
+        places: &GridPlaces,
+        texels: impl Fn(u32) -> &'a [T],
+        meaning: T::Meaning,
+        sums: &mut ColorSums,
+    ) -> u64 {
+        let missed = self.read(places, texels);
+        let left;
+        let share = if missed == 0 {
+            &places.share
+        } else {
+            left = places.without(missed);
+            &left
+        };
+        dispatch!(level(), simd => add_colors::<_, T>(simd, self, share, places.count, meaning, sums));
+        missed
     }
 
     /// Copies the texels around all places, and does nothing else: the fewer instructions between them, the more cache lines are under
     /// way at once. Returns the set of places without texels.
     #[inline]
-    fn read<'a, T: Word + 'a>(&mut self, places: &GridPlaces, texels: impl Fn(u32) -> &'a [T]) -> u64 {
+    fn read<'a, T: Texel + 'a>(&mut self, places: &GridPlaces, texels: impl Fn(u32) -> &'a [T]) -> u64 {
         let mut missed = 0;
         let mut known: Option<u32> = None;
         let mut own: &[T] = &[];
@@ -184,19 +187,39 @@ impl GridLookUps {
 }
 
 /// A texel of which two make a word.
-trait Word: Sized {
+trait Texel: Sized {
+    /// What its numbers mean.
+    type Meaning: Copy;
+
     /// Two texels, the first in the least significant bits.
     fn word(two: &[Self]) -> u64;
+
+    /// The colours of the look-ups from `first` on, in units of [`UNIT`].
+    fn colors<S: Simd>(simd: S, look_ups: &GridLookUps, meaning: Self::Meaning, first: usize)
+    -> [S::f32s; 4];
 }
 
-impl Word for [u8; 4] {
+impl Texel for [u8; 4] {
+    type Meaning = Meaning;
+
     #[inline(always)]
     fn word(two: &[Self]) -> u64 {
         two.as_flattened().first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes))
     }
+
+    #[inline(always)]
+    fn colors<S: Simd>(simd: S, look_ups: &GridLookUps, meaning: Meaning, first: usize) -> [S::f32s; 4] {
+        let GridLookUps { quads, pairs } = look_ups;
+        let upper = widen_four(simd, &pairs.upper_bytes, meaning, first);
+        let lower = widen_four(simd, &pairs.lower_bytes, meaning, first);
+        blend_words::<S, 4>(simd, quads, [upper, lower], false, first)
+    }
 }
 
-impl Word for [u16; 2] {
+impl Texel for [u16; 2] {
+    /// The denominator.
+    type Meaning = u16;
+
     #[inline(always)]
     fn word(two: &[Self]) -> u64 {
         let four = two.as_flattened().first_chunk();
@@ -204,6 +227,16 @@ impl Word for [u16; 2] {
             u64::from(*a) | u64::from(*b) << 16 | u64::from(*c) << 32 | u64::from(*d) << 48
         };
         four.map_or(0, joined)
+    }
+
+    #[inline(always)]
+    fn colors<S: Simd>(simd: S, look_ups: &GridLookUps, one: u16, first: usize) -> [S::f32s; 4] {
+        let GridLookUps { quads, pairs } = look_ups;
+        let factor = 1.0 / (UNIT * f32::from(one));
+        let rows = [two_words(simd, &pairs.upper_bytes, first), two_words(simd, &pairs.lower_bytes, first)];
+        let [red, green, ..] = blend_words::<S, 2>(simd, quads, rows, false, first);
+        let (blue, alpha) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0 / UNIT));
+        [red * factor, green * factor, blue, alpha]
     }
 }
 
@@ -250,49 +283,21 @@ fn split_within<S: Simd>(simd: S, place: S::f32s, texels: S::u32s) -> (S::u32s, 
     (first, position - first.to_float::<S::f32s>())
 }
 
+/// Adds the colours of all look-ups, by their shares.
 #[inline(always)]
-fn add_bytes<S: Simd>(
+fn add_colors<S: Simd, T: Texel>(
     simd: S,
     look_ups: &GridLookUps,
     share: &[f32; BLOCK],
     count: usize,
-    is_srgb: bool,
+    meaning: T::Meaning,
     sums: &mut ColorSums,
 ) {
-    let GridLookUps { quads, pairs } = look_ups;
-    let meaning = Meaning { is_srgb, has_alpha: true };
     for first in (0..count.min(BLOCK)).step_by(S::f32s::LEN) {
         let share = S::f32s::from_slice(simd, &share[first..first + S::f32s::LEN]);
-        if share.simd_eq(S::f32s::splat(simd, 0.0)).all_true() {
-            continue;
+        if !share.simd_eq(S::f32s::splat(simd, 0.0)).all_true() {
+            add(simd, T::colors(simd, look_ups, meaning, first), share, sums, first);
         }
-        let upper = widen_four(simd, &pairs.upper_bytes, meaning, first);
-        let lower = widen_four(simd, &pairs.lower_bytes, meaning, first);
-        let color = blend_words::<S, 4>(simd, quads, [upper, lower], false, first);
-        add(simd, color, share, sums, first);
-    }
-}
-
-#[inline(always)]
-fn add_numbers<S: Simd>(
-    simd: S,
-    look_ups: &GridLookUps,
-    share: &[f32; BLOCK],
-    count: usize,
-    one: u16,
-    sums: &mut ColorSums,
-) {
-    let GridLookUps { quads, pairs } = look_ups;
-    let factor = 1.0 / (UNIT * f32::from(one));
-    for first in (0..count.min(BLOCK)).step_by(S::f32s::LEN) {
-        let share = S::f32s::from_slice(simd, &share[first..first + S::f32s::LEN]);
-        if share.simd_eq(S::f32s::splat(simd, 0.0)).all_true() {
-            continue;
-        }
-        let rows = [two_words(simd, &pairs.upper_bytes, first), two_words(simd, &pairs.lower_bytes, first)];
-        let [red, green, ..] = blend_words::<S, 2>(simd, quads, rows, false, first);
-        let (blue, alpha) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0 / UNIT));
-        add(simd, [red * factor, green * factor, blue, alpha], share, sums, first);
     }
 }
 
