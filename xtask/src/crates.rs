@@ -7,41 +7,41 @@ use crate::shell::{Failure, capture, cargo_command};
 /// The crate that every other one may use.
 const BASE: &str = "fantex-base";
 
-/// Every crate of the workspace: what it owns, and which others of `fantex-...` it may depend on (`*` for all). Test-only
-/// dependencies are free: siblings meet in tests.
+/// Every crate of the workspace, and which others of `fantex-...` it may depend on (`*` for all). Test-only dependencies are free: siblings
+/// meet in tests. `ARCHITECTURE.md` says what each owns.
 const CRATES: &str = "
-    fantex-base    | errors, random numbers, boxes, the sRGB curve: what no crate owns |
-    fantex-mesh    | loading, cleaning, fans, normals and tangents, rays, generators, writing |
-    fantex-texture | images, filters, mappings, environments, noise, solids, comparison of pictures | mesh
-    fantex-cover   | partial fans, groups, tile maps, the texture function's weights | mesh
-    fantex-store   | the .fan file, block codecs, page cache, sampler, commits, verification | mesh texture cover
-    fantex-scene   | cameras, lights, surroundings, tone mapping: what renderers are given | mesh texture
-    fantex-bake    | sources to tiles, light maps, transfer between meshes | mesh texture cover store scene
-    fantex-look    | looks: files, JSON schema, checks with lines, textures and materials made of them | mesh texture store scene
-    fantex-stream  | asynchronous reading, demand, residency, the index of a world | mesh cover store
-    fantex-render  | the CPU renderer, the reference | mesh texture cover store scene
-    fantex-gpu     | the GPU renderer on wgpu | mesh texture cover store scene stream
-    fantex-paint   | brushes, strokes, layers, history, replay | mesh look texture cover store
-    fantex-export  | UV atlases, glTF with textures, single pictures | mesh texture cover store bake
-    fantex-photos  | photographs with cameras as a source | mesh texture store bake
-    fantex         | the front door of the library | *
-    fantex-assets  | the models and images of the gallery |
-    fantex-bottle  | the model of the demo |
-    fantex-gallery | the looks of the gallery |
-    fantex-web     | the viewer for browsers, and the files of its page | scene store stream gpu
-    fantex-three   | the core of the npm package for three.js | mesh store stream
-    fantex-cli     | the command line | fantex assets bottle gallery web
-    fantex-app     | the window: viewer and painter | fantex assets
-    fantex-python  | the Python package | fantex assets
-    fantex-bench   | benchmarks, simulators and faulty disks; not shipped | *
-    fantex-test    | test data and meshes for tests of several crates; not shipped | mesh
-    xtask          | development chores; not shipped |";
+    fantex-base    |
+    fantex-mesh    |
+    fantex-texture | mesh
+    fantex-cover   | mesh
+    fantex-store   | mesh texture cover
+    fantex-scene   | mesh texture
+    fantex-bake    | mesh texture cover store scene
+    fantex-look    | mesh texture store scene
+    fantex-stream  | mesh cover store
+    fantex-render  | mesh texture cover store scene
+    fantex-gpu     | mesh texture cover store scene stream
+    fantex-paint   | mesh look texture cover store
+    fantex-export  | mesh texture cover store bake
+    fantex-photos  | mesh texture store bake
+    fantex         | *
+    fantex-assets  |
+    fantex-bottle  |
+    fantex-gallery |
+    fantex-web     | scene store stream gpu
+    fantex-three   | mesh store stream
+    fantex-cli     | fantex assets bottle gallery web
+    fantex-app     | fantex assets
+    fantex-python  | fantex assets
+    fantex-bench   | *
+    fantex-test    | mesh
+    xtask          |";
 
 /// Names of crates, and what they may depend on.
 fn crates() -> impl Iterator<Item = (&'static str, Vec<&'static str>)> {
     CRATES.lines().filter_map(|line| {
         let mut columns = line.split('|');
-        Some((columns.next()?.trim(), columns.nth(1)?.split_whitespace().collect()))
+        Some((columns.next()?.trim(), columns.next()?.split_whitespace().collect()))
     })
 }
 

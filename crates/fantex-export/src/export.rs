@@ -239,11 +239,13 @@ pub fn export_channels(
     progress: &dyn Progress,
 ) -> Result<ExportSummary> {
     options.check()?;
+    let mut outputs = Outputs::new(options.force);
     let mut maps = Vec::with_capacity(channels.len());
     for (index, &(kind, output)) in channels.iter().enumerate() {
         if !["png", "exr", "ktx2"].contains(&extension(output).as_str()) {
             return Err(unknown_kind(output, ".png, .exr or .ktx2"));
         }
+        outputs.check(output)?;
         if channels[..index].iter().any(|(earlier, _)| *earlier == kind) {
             return Err(Error::invalid(format!("the channel {} is named twice; name it once", kind.name())));
         }
@@ -271,7 +273,6 @@ pub fn export_channels(
         );
         return Err(Error::too_large(message).with_path(output));
     }
-    let mut outputs = Outputs::new(options.force);
     let mut sinks: Vec<Box<dyn RowSink>> = Vec::with_capacity(maps.len());
     let mut cut_off = Vec::new();
     for (&(kind, output), map) in channels.iter().zip(&maps) {

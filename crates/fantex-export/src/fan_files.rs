@@ -1,6 +1,6 @@
 //! Fans in other programs' files: glTF with four sets of coordinates, USD and MaterialX with the texture function as a graph.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -52,6 +52,17 @@ pub enum SheetPictures {
 }
 
 impl SheetPictures {
+    /// The extensions of the files beside a model, which holds PNG itself where it is a `.glb`.
+    fn extensions(self, is_binary: bool) -> Vec<&'static str> {
+        let png = (self != Self::Exr && !is_binary).then_some("png");
+        let other = match self {
+            Self::Png => None,
+            Self::PngAndKtx2 => Some("ktx2"),
+            Self::PngAndExr | Self::Exr => Some("exr"),
+        };
+        png.into_iter().chain(other).collect()
+    }
+
     fn kinds(self) -> &'static [SampleKind] {
         match self {
             Self::Png => &[SampleKind::Fixed],
@@ -122,6 +133,7 @@ impl<'a> FanFile<'a> {
         }
         let outputs = Outputs::new(options.force);
         outputs.check(output)?;
+        gltf.as_ref().and_then(Gltf::buffer_file).map_or(Ok(()), |path| outputs.check(&path))?;
         Ok(Self {
             output,
             options,
@@ -150,6 +162,10 @@ impl<'a> FanFile<'a> {
         let bytes = packer.pictures().flat_map(bytes).map(|(s, m, kind)| packer.picture_bytes(s, m, kind));
         packer.check_memory(bytes.max().unwrap_or(0))?;
         let sheets = packer.described();
+        let sheet = |t: usize| sheets.sheet_of_triangle[t] as usize;
+        let looks: BTreeSet<_> = (0..mesh.triangles.len()).map(|t| (mesh.material_of(t), sheet(t))).collect();
+        self.shaders = shader_files(&sheets, &looks, &mesh.materials, self.output, &options.shaders);
+        self.check_files(&stem, &sheets, object)?;
         let mut files = SheetFiles {
             packer: &packer,
             sheets: &sheets,
@@ -167,7 +183,6 @@ impl<'a> FanFile<'a> {
             let [a, b, c] = [0, 1, 2].map(|slot: usize| sheets.uv[t][slot][k]);
             [a, b, c, [Vec2::X, Vec2::Y, Vec2::ZERO][k]]
         };
-        let sheet = |t: usize| sheets.sheet_of_triangle[t] as usize;
         let translation = translation_of(mesh, object.is_some());
         let geometry = Geometry::new(mesh, translation, &packer.shapes.normals, &[], uv, sheet);
         match &mut self.gltf {
@@ -185,7 +200,6 @@ impl<'a> FanFile<'a> {
             }
             None => self.add_usd(mesh, &sheets, &geometry, object)?,
         }
-        self.shaders = shader_files(&sheets, &geometry, &mesh.materials, self.output, &options.shaders);
         let texels =
             sheets.sheets.iter().map(|sheet| u64::from(sheet.size[0]) * u64::from(sheet.size[1])).sum();
         Ok(ExportSummary {
@@ -204,6 +218,23 @@ impl<'a> FanFile<'a> {
             damage: told(&packer.cache.damage()),
             ..ExportSummary::default()
         })
+    }
+
+    /// Refuses files that exist, before anything is drawn.
+    fn check_files(&self, stem: &str, sheets: &FanSheets, object: Option<&str>) -> Result<()> {
+        let is_binary = self.gltf.as_ref().is_some_and(Gltf::is_binary);
+        let extensions = self.options.pictures.extensions(is_binary);
+        let mut names = Vec::new();
+        for (sheet, map) in (0..sheets.sheets.len()).flat_map(|s| sheets.maps.iter().map(move |m| (s, m))) {
+            let name = picture_name(stem, sheets, sheet, map);
+            names.extend(extensions.iter().map(|extension| format!("{name}.{extension}")));
+        }
+        if self.gltf.is_none() {
+            names.push(format!("{stem}.mtlx"));
+            names.extend(object.map(|_| format!("{stem}.usda")));
+        }
+        let beside = names.into_iter().map(|name| self.output.with_file_name(name));
+        beside.chain(self.shaders.keys().cloned()).try_for_each(|path| self.outputs.check(&path))
     }
 
     /// The files of an asset for USD: the output itself, or of an object one beside it.
@@ -308,16 +339,15 @@ impl SheetFiles<'_> {
     }
 }
 
-/// Shaders, and what their files are called: functions are the same for all materials, a shader for Godot is one material's.
+/// Shaders, and what their files are called: functions are the same for all materials, a shader for Godot is one material's. `looks` are the
+/// materials and sheets that have triangles together, ascending, as the materials of a glTF are numbered.
 fn shader_files(
     sheets: &FanSheets,
-    geometry: &Geometry,
+    looks: &BTreeSet<(usize, usize)>,
     materials: &[Material],
     output: &Path,
     languages: &[ShaderLanguage],
 ) -> BTreeMap<PathBuf, String> {
-    // As the materials of a glTF are numbered.
-    let looks = geometry.looks();
     let default_material = Material::default();
     let mut files = BTreeMap::new();
     for language in languages {

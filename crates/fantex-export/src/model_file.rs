@@ -169,12 +169,17 @@ impl Gltf {
         if let Some(buffer) = self.buffer.take() {
             return Ok(buffer);
         }
-        let file = match self.is_binary {
-            true => tempfile::tempfile_in(folder_of(&self.output))
+        let file = match self.buffer_file() {
+            Some(path) => outputs.create(&path)?,
+            None => tempfile::tempfile_in(folder_of(&self.output))
                 .map_err(|source| Error::writing(&self.output, source))?,
-            false => outputs.create(&self.output.with_file_name(self.buffer_name()))?,
         };
         Ok(BufWriter::with_capacity(1 << 20, file))
+    }
+
+    /// The file of the buffer; none of a `.glb`, which holds it.
+    pub(crate) fn buffer_file(&self) -> Option<PathBuf> {
+        (!self.is_binary).then(|| self.output.with_file_name(self.buffer_name()))
     }
 
     fn buffer_name(&self) -> String {

@@ -261,6 +261,13 @@ fn tiles_of_a_terrain_fit_together_from_afar() {
     let world = World::open(&index).unwrap();
     let report = verify_world(&index, &VerifyOptions::default(), &NoProgress).unwrap();
     assert!(report.ok, "{:?}", report.faults());
+    // An index may say anything.
+    let mut wrong = world.clone();
+    wrong.coarse.iter_mut().for_each(|coarse| coarse.texels = u64::MAX);
+    let other = folder.path().join("wrong.fanworld");
+    wrong.write(&other).unwrap();
+    let report = verify_world(&other, &VerifyOptions::default(), &NoProgress).unwrap();
+    assert!(!report.ok && !report.coarse[0].ok, "{:?}", report.faults());
 
     // Where tiles of both runs meet, both coarse assets have the vertex.
     let [first, second] = [0, 1].map(|run| {

@@ -277,7 +277,9 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let side = side_of_pictures(args)?;
     let started = Instant::now();
     let input = Input::open(args)?;
-    context.check_output_of(&args.output, &args.asset)?;
+    for output in outputs(args) {
+        context.check_output_of(&output, &args.asset)?;
+    }
     let model = args.model.as_deref().map(|path| open_model(path, context)).transpose()?;
     let options = ExportOptions {
         uv: match (&model, args.uv) {
@@ -386,8 +388,7 @@ fn write(
         }
         (Input::World(world), _) => export_world(&args.asset, world, &args.output, options, &progress),
         (Input::Asset(asset), kinds) => {
-            let files: Vec<PathBuf> =
-                kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect();
+            let files = outputs(args);
             let channels: Vec<(ChannelMap, &Path)> =
                 kinds.iter().copied().zip(files.iter().map(PathBuf::as_path)).collect();
             export_channels(asset, &channels, args.depth, options, &progress)
@@ -449,6 +450,14 @@ fn fan_options(args: &ExportArgs, context: &Context) -> FanFileOptions {
         shaders: args.shader.clone(),
         force: context.force,
         strict: context.strict,
+    }
+}
+
+/// The output, or the files of the channels.
+fn outputs(args: &ExportArgs) -> Vec<PathBuf> {
+    match &args.channel[..] {
+        [] => vec![args.output.clone()],
+        kinds => kinds.iter().map(|&kind| channel_file(&args.output, kind, kinds.len())).collect(),
     }
 }
 

@@ -313,10 +313,10 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     }
     {
         let _deferral = context.defer_interrupt();
-        series.finish();
         write_colmap_binary(&sparse, &photographs)?;
         write_colmap_text(&sparse, &photographs)?;
         write_transforms(&transforms, &photographs, "images")?;
+        series.finish();
     }
     let [width, height] = args.size;
     let info = PhotographsInfo {

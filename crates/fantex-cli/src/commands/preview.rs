@@ -62,6 +62,7 @@ pub(crate) fn run(args: &PreviewArgs, context: &Context) -> Result<()> {
     let transfers: [&dyn Progress; 2] = [fetching, sending];
     if args.remove {
         let was_there = Preview::remove_at(&args.asset, transfers)?;
+        info.seconds = started.elapsed().as_secs_f64();
         return context.print(&info, |info| match was_there {
             true => format!("{}: the preview is gone\n", info.asset.display()),
             false => format!("{}: there was no preview\n", info.asset.display()),

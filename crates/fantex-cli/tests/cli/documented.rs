@@ -38,7 +38,7 @@ fn sections_of(words: &[&str]) -> Option<Vec<String>> {
         "bench" if words[1] != "fidelity" => return None,
         "info" if has("--look") => return None,
         "bake" if words[2..].iter().any(|word| word.ends_with(".glb") || word.ends_with(".gltf")) => {
-            return None;
+            vec!["`bake` of a model".to_owned()]
         }
         "info" => vec![format!("`info` of {}", kind_of(words[1]))],
         "verify" if kind_of(words[1]) == "a world" => vec!["`verify` of a world".to_owned()],

@@ -137,7 +137,11 @@ fn single_channels_and_turntables_are_written() {
     assert_eq!(info["channels"], serde_json::json!(["normal", "roughness"]));
     assert_eq!(std::fs::read(out("all-normal.png")).unwrap(), std::fs::read(out("a.png")).unwrap());
     assert!(out("all-roughness.png").exists() && !out("all.png").exists());
+    // What is not written may be there.
+    std::fs::write(out("some.png"), "mine").unwrap();
     let told = succeeds(&[&several[..], &[&out("some.png"), size[0], size[1]]].concat());
+    assert_eq!(std::fs::read(out("some.png")).unwrap(), b"mine");
+    fails(1, &["some-normal.png exists already"], &[&several[..], &[&out("some.png")]].concat());
     let told = String::from_utf8(told.stdout).unwrap();
     assert!(told.contains("some-normal.png") && !told.contains("some.png"), "{told}");
     let command: [&dyn AsRef<std::ffi::OsStr>; 5] = [&"export", &asset, &"-o", &out("no.png"), &"--channel"];

@@ -18,6 +18,7 @@ mod objects;
 mod outputs;
 mod photographs;
 mod previews;
+mod readme;
 mod round_trip;
 mod serve;
 mod stretched;

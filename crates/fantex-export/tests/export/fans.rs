@@ -1,6 +1,6 @@
 //! Fans for other programs: three look-ups in a sheet are the texture function.
 
-use fantex_bake::NoProgress;
+use fantex_bake::{NoProgress, Progress};
 use fantex_base::{ErrorKind, Random};
 use fantex_cover::{CoverOptions, TexelBudget};
 use fantex_export::{
@@ -167,6 +167,46 @@ fn files_keep_parts_and_materials() {
     let tight = FanFileOptions { sheets, ..options };
     let refused = export_fans(&waves.asset, &waves.path("no.glb"), &tight, &NoProgress).unwrap_err();
     assert!(refused.to_string().contains("give more --memory"), "{refused}");
+}
+
+/// Fails where work is shown.
+struct Idle;
+
+impl Progress for Idle {
+    fn report(&self, done: u64, _: u64) {
+        assert_eq!(done, 0, "something was drawn");
+    }
+}
+
+#[test]
+fn files_that_exist_are_refused_before_anything_is_drawn() {
+    let mut mesh = cleaned(generate::torus(8, 6));
+    let count = mesh.triangles.len();
+    mesh.materials = vec![Material::default(); 2];
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
+    let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
+    let shaders = vec![ShaderLanguage::Godot, ShaderLanguage::Glsl];
+    for (name, pictures) in [
+        ("a.gltf", SheetPictures::PngAndKtx2),
+        ("a.glb", SheetPictures::PngAndExr),
+        ("a.usda", SheetPictures::PngAndExr),
+        ("a.usda", SheetPictures::Exr),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let options = FanFileOptions { pictures, shaders: shaders.clone(), ..FanFileOptions::default() };
+        let path = folder.path().join(name);
+        let made = export_fans(&waves.asset, &path, &options, &NoProgress).unwrap().files;
+        assert!(made.len() > 3, "{made:?}");
+        made.iter().for_each(|(file, _)| std::fs::remove_file(file).unwrap());
+        for (file, _) in &made {
+            std::fs::write(file, "mine").unwrap();
+            let refused = export_fans(&waves.asset, &path, &options, &Idle).unwrap_err();
+            let words = format!("{} exists already", file.display());
+            assert!(refused.to_string().contains(&words), "{refused}: not {words}");
+            std::fs::remove_file(file).unwrap();
+        }
+        assert!(folder.path().read_dir().unwrap().next().is_none());
+    }
 }
 
 /// What Pixar's reader wants, and what is each part's own.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use fantex_bake::BakeSummary;
-use fantex_base::files::folder_of;
+use fantex_base::files::{folder_of, temporary_folder};
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverStats, TexelBudget};
 use fantex_export::{ExportOptions, ExportSummary, export_model, export_source};
@@ -66,7 +66,7 @@ impl Baker<'_> {
         options: &ExportOptions<'_>,
     ) -> Result<Baked> {
         let folder = folder_of(path);
-        let scratch = tempfile::tempdir_in(folder).map_err(|error| Error::writing(path, error))?;
+        let scratch = temporary_folder(folder).map_err(|error| Error::writing(path, error))?;
         let asset = scratch.path().join("model.fan");
         let baked = self.bake(mesh, source, own_density, &Goal::Asset(&asset))?;
         let asset = Arc::new(Asset::open(&asset)?);

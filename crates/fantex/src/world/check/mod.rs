@@ -126,7 +126,7 @@ pub fn verify_world(index: &Path, options: &VerifyOptions, progress: &dyn Progre
             options,
             &seams,
         ));
-        done += coarse.texels;
+        done = coarse.texels.saturating_add(done);
         progress.report(done, total);
     }
     (report.seam_edges, report.largest_jump, report.worst_seam) =
