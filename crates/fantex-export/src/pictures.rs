@@ -400,6 +400,8 @@ impl Packing {
             2 | block_bytes << 16,
             model | PRIMARIES_BT709 << 8 | transfer << 16,
             dimensions,
+            // Of what is packed, too: readers cannot tell a row's length otherwise. (Validators of Khronos' KTX-Software older than its pull
+            // request 988 ask for 0.)
             self.numbers().1,
             0,
         ];
