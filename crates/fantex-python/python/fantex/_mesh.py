@@ -31,7 +31,10 @@ def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) ->
             values = np.from_dlpack(values)
         except (BufferError, RuntimeError, TypeError) as error:
             raise TypeError(f"{name} cannot be read from this device; move it to the CPU first") from error
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} has rows of different lengths; expected (n{'' if columns is None else f', {columns}'})") from error
     kind = np.dtype(dtype).kind
     if array.size == 0:
         return np.zeros((0,) if columns is None else (0, columns), dtype)
