@@ -149,10 +149,20 @@ pub fn for_each_run(
 }
 
 impl TexelPoint {
+    /// How wide the texel is, mesh space.
+    pub fn width(&self) -> f32 {
+        width(self.position_steps)
+    }
+
     /// Whether both lie on (or beside) the same triangle, so that their steps are equal as well.
     pub fn is_on_triangle_of(&self, other: &Self) -> bool {
         self.at.triangle == other.at.triangle
     }
+}
+
+/// The root mean square of a texel's two sides.
+fn width([along, across]: [Vec3; 2]) -> f32 {
+    (0.5 * (along.length_squared() + across.length_squared())).sqrt()
 }
 
 /// A triangle and the plane that continues it: where its texels' points come from.
@@ -326,8 +336,7 @@ impl SolidSource {
 
     /// The footprint of a texel, object space.
     fn footprint(&self, point: &TexelPoint) -> f32 {
-        let steps = point.position_steps.map(|step| self.space.vector(step));
-        (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt()
+        width(point.position_steps.map(|step| self.space.vector(step)))
     }
 
     #[inline(always)]

@@ -5,35 +5,32 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::addresses::{Target, check_is_path};
-use fantex::bake::{Prefilter, Source as BakeSource, SourceChannel, TexelPoint};
 use fantex::export::ExportSummary;
-use fantex::glam::{Vec3, Vec4};
-use fantex::mesh::{AlphaMode, Mesh as Geometry, WorldFromMesh};
+use fantex::glam::Vec3;
+use fantex::mesh::AlphaMode;
 use fantex::photos::CameraFrame;
-use fantex::store::{self, ChannelKind};
+use fantex::store;
 use fantex::stream::{Replace, open_source};
 use fantex::{
-    BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, ModelKind, PhotoSet, Progress, Quality, Source,
-    model_notes,
+    BakeFormat, Baked, Baker, Fit, LongestEdge, Merge, ModelKind, PhotoSet, Quality, Source, model_notes,
 };
-use numpy::PyReadonlyArray2;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use crate::arrays::{array, rows};
 use crate::asset::{Asset, name_of};
 use crate::export::AtlasFiles;
+use crate::function::FunctionSource;
 use crate::mesh::Mesh;
 use crate::options::{ALPHA_MODES, choice, optional, word};
-use crate::watch::{Watch, heard, in_python, watched};
+use crate::watch::{heard, in_python, watched};
 
 /// What a source is made of; the Python side makes nothing else.
 #[derive(FromPyObject)]
 pub(crate) enum SourceParts<'py> {
     /// What it is, and what it needs.
     Named(String, Bound<'py, PyDict>),
-    /// A function of points and normals.
+    /// A function of points of the surface.
     Function(Bound<'py, PyAny>),
 }
 
@@ -70,13 +67,12 @@ impl Job {
     }
 
     /// Runs `reach` with a baker that does the job and the file to write, brings that to `place`, and says what the user should know: triangles,
-    /// tiles, texels, bytes, channels, seconds, notes; of photographs and baked light more. Functions are called only where it makes texels.
+    /// tiles, texels, bytes, channels, seconds, notes; of photographs and baked light more.
     fn run<'py>(
         self,
         py: Python<'py>,
         progress: Option<&Bound<'py, PyAny>>,
         place: &Path,
-        makes_texels: bool,
         reach: impl FnOnce(Baker<'_>, &Path) -> fantex::Result<Baked> + Send,
     ) -> PyResult<Bound<'py, PyDict>> {
         let Self { mesh, source, settings } = self;
@@ -99,11 +95,7 @@ impl Job {
                     reach(baker.source(Source::asset(detailed.get().asset(), settings.cage)), file)
                 }
                 JobSource::Function(callable) => {
-                    let world_from_mesh = mesh.world_from_mesh;
-                    let mut function = FunctionSource { callable, has_alpha: false, world_from_mesh, watch };
-                    if makes_texels {
-                        function.ask(&mesh);
-                    }
+                    let function = FunctionSource::asked(callable, &mesh, watch)?;
                     reach(baker.source(Source::custom(&function)), file)
                 }
             }?;
@@ -168,7 +160,7 @@ pub(crate) fn bake<'py>(
     options: &Bound<'py, PyDict>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, true, |baker, file| baker.write(file))
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| baker.write(file))
 }
 
 /// A plan in memory: everything of an asset but its texels.
@@ -213,7 +205,7 @@ pub(crate) fn plan<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), &path, false, |baker, file| baker.write_plan(file, about))
+        .run(py, progress.as_ref(), &path, |baker, file| baker.write_plan(file, about))
 }
 
 /// Bakes shard `shard[0]` of `shard[1]` of a plan.
@@ -231,7 +223,7 @@ pub(crate) fn bake_part<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let [number, count] = shard;
     Job::new(mesh, source, options)?
-        .run(py, progress.as_ref(), &path, true, |baker, file| baker.write_part(&plan.0, number, count, file))
+        .run(py, progress.as_ref(), &path, |baker, file| baker.write_part(&plan.0, number, count, file))
 }
 
 /// Merges parts into an asset, or only checks them; gives the bytes written, and what is to be known of it.
@@ -266,7 +258,7 @@ pub(crate) fn bake_model<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     check_is_path(&path).map_err(crate::watch::exception)?;
     let files = AtlasFiles::new(options)?;
-    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, true, |baker, file| {
+    Job::new(mesh, source, options)?.run(py, progress.as_ref(), &path, |baker, file| {
         let mut baked = baker.write_model(file, &files.options())?;
         if let Some(written) = &baked.exported {
             baked.notes.extend(model_notes(file, written, ModelKind::Baked { side: files.side }));
@@ -418,73 +410,4 @@ fn longest_edge(options: &Bound<'_, PyDict>) -> PyResult<Option<LongestEdge>> {
 enum LongestEdgeArg {
     Texels(u32),
     Word(String),
-}
-
-/// A Python function of positions (world) and normals that gives linear RGBA, all as arrays with a row per point.
-struct FunctionSource<'a> {
-    callable: Py<PyAny>,
-    has_alpha: bool,
-    world_from_mesh: WorldFromMesh,
-    watch: &'a Watch,
-}
-
-impl FunctionSource<'_> {
-    /// Asks for the middle of the first triangle, and so learns whether there is alpha.
-    fn ask(&mut self, mesh: &Geometry) {
-        let position = mesh.triangle_positions(0).iter().sum::<Vec3>() / 3.0;
-        let asked = Python::attach(|py| {
-            let positions = array(py, &[self.world_from_mesh.point(position).to_array()])?;
-            let function = self.callable.bind(py);
-            function.call1((positions, array(py, &[mesh.facet_normal(0).as_vec3().to_array()])?))?;
-            function.getattr("has_alpha")?.extract()
-        });
-        match asked {
-            Ok(has_alpha) => self.has_alpha = has_alpha,
-            Err(raised) => self.watch.fail(raised),
-        }
-    }
-
-    fn call(&self, py: Python<'_>, points: &[TexelPoint], values: &mut [Vec4]) -> PyResult<()> {
-        let positions: Vec<[f64; 3]> =
-            points.iter().map(|p| self.world_from_mesh.point(p.position).to_array()).collect();
-        let normals: Vec<[f32; 3]> = points.iter().map(|p| p.normal.to_array()).collect();
-        let colors = self.callable.bind(py).call1((array(py, &positions)?, array(py, &normals)?))?;
-        let colors: PyReadonlyArray2<'_, f32> = colors.extract()?;
-        let colors = rows::<4, f32>(&colors, "the source's result")?;
-        if colors.len() != values.len() {
-            let (asked, given) = (values.len(), colors.len());
-            let message = format!("the source was asked for {asked} colours and gave {given}");
-            return Err(PyValueError::new_err(message));
-        }
-        values.iter_mut().zip(colors).for_each(|(value, color)| *value = Vec4::from(color));
-        Ok(())
-    }
-}
-
-impl BakeSource for FunctionSource<'_> {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { has_alpha: self.has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Point
-    }
-
-    fn points_at_once(&self) -> usize {
-        4096
-    }
-
-    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
-        self.evaluate_all(std::slice::from_ref(point), values);
-    }
-
-    fn evaluate_all(&self, points: &[TexelPoint], values: &mut [Vec4]) {
-        // Functions of arrays seldom expect none: blocks that nothing reads have no points.
-        if points.is_empty() || self.watch.is_cancelled() {
-            return;
-        }
-        if let Err(raised) = Python::attach(|py| self.call(py, points, values)) {
-            self.watch.fail(raised);
-        }
-    }
 }

@@ -8,6 +8,7 @@ mod asset;
 mod bake;
 mod change;
 mod export;
+mod function;
 mod looks;
 mod mesh;
 mod options;

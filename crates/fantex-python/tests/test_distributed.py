@@ -36,16 +36,17 @@ def leftovers(folder):
 
 
 class Deadly:
-    """The pattern; the first process that asks for colours notes who it is and waits to be killed."""
+    """The pattern; the first process that asks for colours of many points notes who it is and waits to be killed. (The caller asks for one.)"""
 
     def __init__(self, note):
         self.note = os.fspath(note)
 
     def __call__(self, points, normals):
         try:
-            with open(self.note, "x", encoding="ascii") as file:
-                file.write(str(os.getpid()))
-            time.sleep(60)
+            if len(points) > 1:
+                with open(self.note, "x", encoding="ascii") as file:
+                    file.write(str(os.getpid()))
+                time.sleep(60)
         except FileExistsError:
             pass
         x, y, z = points.T
@@ -160,14 +161,14 @@ def test_bad_parts_are_baked_anew(tmp_path, client, sphere, monkeypatch, harm):
 
 
 class Flaky:
-    """Fails so often; every attempt leaves a file."""
+    """Fails so often for many points; every attempt leaves a file."""
 
     def __init__(self, folder, failures, error=RuntimeError("the disk hiccups")):
         self.folder, self.failures, self.error = os.fspath(folder), failures, error
 
     def __call__(self, points, normals):
         count = len(os.listdir(self.folder))
-        if count < self.failures:
+        if count < self.failures and len(points) > 1:
             with open(os.path.join(self.folder, f"{os.getpid()}-{time.monotonic_ns()}"), "x"):
                 raise self.error
         return np.full((len(points), 3), 0.5)
@@ -191,11 +192,22 @@ def test_a_failing_source_says_so_once(tmp_path, client, sphere):
         fantex.distributed.bake(
             client, sphere, tmp_path / "a.fan", texels=5_000, source=Flaky(attempts, 10**9), shards=2, retries=1
         )
-    with pytest.raises(ValueError, match="the source's result has the shape"):
-        fantex.distributed.bake(
-            client, sphere, tmp_path / "a.fan", texels=5_000, source=lambda p, n: np.zeros((7, 3)), shards=2
-        )
+    # What is wrong already when the caller asks for one point, and what is wrong later.
+    for points in (1, 2):
+        with pytest.raises(ValueError, match="the source's result has the shape"):
+            shapeless = lambda p, n: np.zeros((7 if len(p) >= points else 1, 3))
+            fantex.distributed.bake(client, sphere, tmp_path / "a.fan", texels=5_000, source=shapeless, shards=2)
     assert not (tmp_path / "a.fan").exists() and not leftovers(tmp_path)
+
+
+def test_channels_and_parameters_of_functions(tmp_path, client, sphere):
+    def source(points, normals, footprint):
+        return {"base-color": np.abs(points), "roughness": (100 * footprint).clip(0, 1)}
+
+    whole = fantex.bake(sphere, tmp_path / "whole.fan", texels=20_000, source=source)
+    assert whole.channels == ["base-color", "orm"]
+    fantex.distributed.bake(client, sphere, tmp_path / "farm.fan", texels=20_000, source=source, shards=2)
+    assert (tmp_path / "farm.fan").read_bytes() == (tmp_path / "whole.fan").read_bytes()
 
 
 def test_wrong_requests(tmp_path, client, sphere):

@@ -23,6 +23,9 @@ def test_whole_numbers(tmp_path, sphere, waves):
         (lambda: fantex.bake(mesh, tmp_path / "a.fan", texels=float("inf")), "texels is inf"),
         (lambda: fantex.bake(mesh, tmp_path / "a.fan", longest_edge=2.5), "longest_edge is 2.5; expected a whole"),
         (lambda: fantex.bake(mesh, tmp_path / "a.fan", texels=1e4, density=3), "texels and density both say"),
+        (lambda: fantex.bake(mesh, tmp_path / "a.fan", density=-2), "density is -2; expected a number of texels above zero"),
+        (lambda: fantex.bake(mesh, tmp_path / "a.fan", density=float("nan")), "density is nan; expected a number"),
+        (lambda: fantex.Mesh(sphere[0], [[0, 1, 2], [3, 4]]), r"faces has rows of different lengths; expected \(n, 3\)"),
         (lambda: fantex.bake(mesh, tmp_path / "a.fan", density=3, match=True), "density and match both say"),
         (lambda: fantex.open(waves.place, memory=-1), "memory is -1; it cannot be negative"),
         (lambda: waves.atlas(-64), "resolution is -64; it cannot be negative"),
@@ -243,18 +246,6 @@ def test_masks_that_do_not_fit_pictures():
         fantex.compare_pictures(black, slope, counts=counts & False)
     with pytest.raises(TypeError, match="counts holds float64; expected bool"):
         fantex.compare_pictures(black, slope, counts=counts * 0.3)
-
-
-def test_greys_of_few_points(tmp_path):
-    """Three greys are no colour, and a colour is no three greys, however many points are asked for at once."""
-    colors_of = fantex._bake._Colors
-    for count in (1, 2, 3, 4, 5):
-        points = np.linspace(0.1, 0.9, count)[:, None] * np.ones(3)
-        greys = colors_of(lambda points, normals: points[:, 0])(points, points)
-        np.testing.assert_allclose(greys, np.c_[points, np.ones(count)], rtol=1e-6)
-        for color in ([0.1, 0.2, 0.3], [0.1, 0.2, 0.3, 0.4]):
-            one = colors_of(lambda points, normals: np.array(color))(points, points)
-            np.testing.assert_allclose(one[:, : len(color)], np.tile(color, (count, 1)), rtol=1e-6)
 
 
 def test_an_error_that_a_user_makes_has_a_path():

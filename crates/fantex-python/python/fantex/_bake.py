@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
-from typing import Any, Callable, Dict, List, Optional, Tuple, Union
-
-import numpy as np
+from typing import Any, Dict, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset, _atlas_options
-from ._given import PATHS, Path, absolute, amount, length, number, plain, vector, whole
-from ._mesh import Mesh, Progress, _linear_rgba
-
-Function = Callable[[np.ndarray, np.ndarray], Any]
+from ._function import Function, FunctionSource
+from ._given import PATHS, Path, absolute, amount, length, number, vector, whole
+from ._mesh import Mesh, Progress
 
 
 class Source:
@@ -144,9 +142,12 @@ def bake(
         density: texels per world unit of length, instead.
         match: every triangle gets the density of its texture or photograph, instead.
         source: one of this package's sources, or a function of ``points`` ``(n, 3)`` float64 in the world and ``normals``
-            ``(n, 3)`` float32 that gives colours ``(n, 3)`` or ``(n, 4)``, greys ``(n,)``, or one colour for all: linear floats or
-            sRGB ``uint8``. It is called from several threads, with blocks of points, and first with one point, which says whether there is
-            alpha (what is made of it says ``alpha``). By default the model's own materials or colours.
+            ``(n, 3)`` float32. It gives colours ``(n, 3)`` or ``(n, 4)``, greys ``(n,)``, or one colour for all, linear floats or
+            sRGB ``uint8``; or a dictionary of channels: ``base-color``, ``emission`` and ``light`` are such colours, ``normal`` is a direction
+            in the world, ``occlusion``, ``roughness``, ``metallic`` (or ``orm`` with all three) and ``displacement`` are numbers from 0
+            to 1, ``anisotropy`` is a direction and a strength. If it has parameters ``footprint``, ``face`` or ``barycentric``, it is given the
+            widths of texels in world units, and the points as :meth:`Asset.nearest` gives them. It is called from several threads, with blocks of
+            points, and first with one point, which says which channels there are. By default the model's own materials or colours.
         tile: longest side of a tile in texels; 0 gives every fan its own.
         longest_edge: cut triangles at bends until their edges are at most so many texels long; ``"auto"``: as far as it makes
             textures sharper, which it does on models of few large triangles; 0: never. By default ``"auto"``, but for functions
@@ -199,7 +200,7 @@ def bake(
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
-    figures = _with_notes(figures, parts)
+    figures = _with_notes(figures, parts, format == "float")
     asset = Asset(path)
     # By their names here.
     asset.baked = {**figures, "channels": asset.channels}
@@ -282,6 +283,8 @@ def _options(**given: Any) -> Dict[str, Any]:
         raise ValueError(f"{asked[0]} and {asked[1]} both say how many texels there are; give one of them")
     texels, tile, edge = given["texels"], given["tile"], given["longest_edge"]
     density, hard_edges = given["density"], given.get("hard_edges")
+    if density is not None and not 0 < number(density, "density") < math.inf:
+        raise ValueError(f"density is {density}; expected a number of texels above zero")
     return {
         **given,
         "density": None if density is None else number(density, "density"),
@@ -311,40 +314,12 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> An
             parts[key] = parts[key]._native
         return source._name, parts
     if callable(source):
-        return _Colors(source)
+        return FunctionSource(source)
     raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
 
 
-class _Colors:
-    """A function that gives linear RGBA, a row per point."""
-
-    def __init__(self, function: Function) -> None:
-        self.function = function
-        # Of each block that has some, how many numbers are none. Blocks come on several threads, and lists grow on any.
-        self.unknown: List[int] = []
-        #: Whether there were four numbers of a point that was asked for alone, which a bake does first.
-        self.has_alpha = False
-
-    def __call__(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        count = len(points)
-        given = plain(self.function(points, normals))
-        if count == 1:
-            self.has_alpha = given.ndim > 0 and given.shape[-1] == 4
-        if given.ndim == 1 and len(given) == count and count in (3, 4):
-            # Greys, or one colour for all: more points tell.
-            more = plain(self.function(np.tile(points, (2, 1)), np.tile(normals, (2, 1))))
-            given = given[None, :] if len(more) == count else given[:, None]
-        colors = _linear_rgba(given, count, "the source's result")
-        unknown = np.count_nonzero(np.isnan(colors).any(1))
-        if unknown:
-            self.unknown.append(unknown)
-        # What is brighter than any number is as bright as the format allows.
-        return np.nan_to_num(colors, nan=0.0, posinf=65504.0, neginf=0.0)
-
-
-def _with_notes(figures: Dict[str, Any], parts: Any) -> Dict[str, Any]:
-    """What a bake told, and what its function did."""
-    if isinstance(parts, _Colors) and parts.unknown:
-        note = f"The source gave no number for {sum(parts.unknown)} points, which became black."
-        figures["notes"] = [*figures["notes"], note]
+def _with_notes(figures: Dict[str, Any], parts: Any, keeps_all: bool = False) -> Dict[str, Any]:
+    """What a bake told, and what its function did. ``keeps_all``: the format holds numbers beyond 1."""
+    if isinstance(parts, FunctionSource):
+        figures["notes"] = [*figures["notes"], *parts.notes(keeps_all)]
     return figures

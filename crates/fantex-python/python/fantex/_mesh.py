@@ -8,7 +8,7 @@ from typing import Any, Callable, Optional, Protocol, Sequence, Tuple, Union
 
 import numpy as np
 
-from . import _native, _trimesh
+from . import _native, _open3d, _parts, _trimesh
 from ._given import PATHS, Path, amount, is_stage, is_usd, length, plain, whole
 from ._picture import Camera, Picture, _srgb8, _taken, _view
 
@@ -31,7 +31,10 @@ def _array(values: Any, dtype: Any, name: str, columns: Optional[int] = None) ->
             values = np.from_dlpack(values)
         except (BufferError, RuntimeError, TypeError) as error:
             raise TypeError(f"{name} cannot be read from this device; move it to the CPU first") from error
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} has rows of different lengths; expected (n{'' if columns is None else f', {columns}'})") from error
     kind = np.dtype(dtype).kind
     if array.size == 0:
         return np.zeros((0,) if columns is None else (0, columns), dtype)
@@ -102,6 +105,9 @@ class Mesh:
     Arrays may be numpy's, lists, torch tensors on the CPU or anything with DLPack or the buffer protocol. A mesh does not change.
     """
 
+    # Which face of the input each of those was that cleaning was given, where their order is another one.
+    _order: Optional[np.ndarray] = None
+
     def __init__(
         self,
         positions: Any,
@@ -144,6 +150,10 @@ class Mesh:
         return mesh
 
     @classmethod
+    def _of_part(cls, part: _parts.Part, weld: Optional[float]) -> "Mesh":
+        return cls(part.positions, part.faces, colors=part.colors, weld=weld)
+
+    @classmethod
     def _of_stage(cls, stage: Any, name: str, weld: Optional[float]) -> "Mesh":
         # Few need it.
         from . import usd
@@ -155,7 +165,7 @@ class Mesh:
     def of(cls, mesh: Any, *, weld: Optional[float] = None) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
         ``faces``, an open stage of USD, or an :class:`Asset`. Of trimesh, also of scenes, come colours of vertices or faces, or coordinates and
-        materials with all their maps and what they make of opacity; of Open3D colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
+        materials with all their maps and what they make of opacity; of Open3D, old meshes and those of tensors, textures and materials or colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
         is_asset = isinstance(getattr(mesh, "_native", None), _native.Asset)
         if weld is not None and (is_asset or isinstance(mesh, Mesh)):
             raise ValueError(f"weld= is for models and arrays; {mesh!r} is cleaned already, so give weld= where it is made")
@@ -174,19 +184,18 @@ class Mesh:
         if _trimesh.is_scene(mesh) or _trimesh.has_texture(mesh):
             glb = _trimesh.glb_of(mesh, _linear_rgba, lambda picture: _encoded(picture)[0])
             return cls._of(_native.Mesh.of_glb(glb, "the mesh", [], length(weld, "weld")))
-        if hasattr(mesh, "vertices") and hasattr(mesh, "has_vertex_colors"):
-            # Of Open3D.
-            colors = np.asarray(mesh.vertex_colors) if mesh.has_vertex_colors() else None
-            colors = None if colors is None else _srgb_floats(colors)
-            return cls(mesh.vertices, mesh.triangles, colors=colors, weld=weld)
+        if _open3d.is_mesh(mesh) or _open3d.is_tensor_mesh(mesh):
+            parts, order = _open3d.parts_of(mesh, _linear_rgba)
+            if parts[0].uv is None and parts[0].material is None:
+                return cls._of_part(parts[0], weld)
+            glb = _open3d.glb_of(parts, _linear_rgba, lambda picture: _encoded(picture)[0])
+            made = cls._of(_native.Mesh.of_glb(glb, "the mesh", [], length(weld, "weld")))
+            made._order = order
+            return made
         if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-            if getattr(getattr(mesh, "visual", None), "kind", None) == "face":
-                # A vertex each for the corners of a face, so that they have its colour; cleaning joins them again.
-                corners = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
-                colors = np.repeat(np.asarray(mesh.visual.face_colors), 3, axis=0)
-                return cls(corners, np.arange(len(corners)).reshape(-1, 3), colors=colors, weld=weld)
-            colors = mesh.visual.vertex_colors if getattr(getattr(mesh, "visual", None), "kind", None) == "vertex" else None
-            return cls(mesh.vertices, mesh.faces, colors=colors, weld=weld)
+            if _trimesh.has_colors(mesh):
+                return cls._of_part(_trimesh.part_of(mesh, _linear_rgba), weld)
+            return cls(mesh.vertices, mesh.faces, weld=weld)
         raise TypeError(
             f"{type(mesh).__name__} is no mesh: give a path, a fantex.Mesh, (positions, faces), or an object with vertices and faces"
         )
@@ -273,7 +282,8 @@ class Mesh:
     @property
     def source_faces(self) -> np.ndarray:
         """``(m,)`` uint32: which face of the input each face was. Cleaning leaves out some."""
-        return self._native.source_faces
+        faces = self._native.source_faces
+        return faces if self._order is None else self._order[faces]
 
     @property
     def notes(self) -> list:
@@ -296,11 +306,6 @@ class Mesh:
 def _bounds(positions: np.ndarray) -> np.ndarray:
     """The corners of the box around points."""
     return np.stack([positions.min(0), positions.max(0)])
-
-
-def _srgb_floats(colors: np.ndarray) -> np.ndarray:
-    """Open3D's vertex colours: floats that are sRGB-encoded."""
-    return (np.clip(colors, 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 class Unwrapping(tuple):

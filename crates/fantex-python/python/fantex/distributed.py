@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import tempfile
@@ -255,9 +256,10 @@ def _part(
 def _listening(function: Function, raised: List[BaseException]) -> Function:
     """The function, with a list of what it raises."""
 
-    def listening(points: Any, normals: Any) -> Any:
+    @functools.wraps(function)
+    def listening(*given: Any, **named: Any) -> Any:
         try:
-            return function(points, normals)
+            return function(*given, **named)
         except Exception as error:
             raised.append(error)
             raise
