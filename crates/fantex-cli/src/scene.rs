@@ -340,7 +340,7 @@ enum BackgroundArg {
     Transparent,
 }
 
-fn finite(text: &str) -> Result<f32, String> {
+pub(crate) fn finite(text: &str) -> Result<f32, String> {
     within(text, "expected a finite number", f32::is_finite)
 }
 

@@ -68,7 +68,7 @@ impl fmt::Display for Count {
 /// A number above zero, for argument parsing. Single precision holds it.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
     let is_inside = |n| n > f64::from(f32::MIN_POSITIVE) && n < f64::from(f32::MAX);
-    within(text, "expected a number above zero", is_inside)
+    within(text, "expected a number above zero that is not beyond 3e38", is_inside)
 }
 
 /// A number from 0 to 1, for argument parsing.

@@ -14,7 +14,7 @@ use fantex_store::Asset;
 use glam::Vec2;
 
 use crate::ShaderLanguage;
-use crate::export::{ExportSummary, Map, file_stem, told};
+use crate::export::{ExportSummary, Map, cancelled, file_stem, told};
 use crate::fans::{DrawnMap, FanSheetOptions, FanSheets, Packer, SampleKind, SheetMap, depth_of};
 use crate::materialx::materialx;
 use crate::model_file::{Document, Geometry, Gltf, Outputs, extension, translation_of};
@@ -174,9 +174,11 @@ impl<'a> FanFile<'a> {
             is_binary: self.gltf.as_ref().is_some_and(Gltf::is_binary),
             pictures: options.pictures,
             outputs: &mut self.outputs,
+            progress,
             images: Vec::new(),
         };
         packer.draw(kinds, progress, &mut |drawn| files.write(&drawn))?;
+        check_wanted(progress)?;
         let images = files.images;
         let uv = |corner: usize| {
             let (t, k) = (corner / 3, corner % 3);
@@ -185,6 +187,7 @@ impl<'a> FanFile<'a> {
         };
         let translation = translation_of(mesh, object.is_some());
         let geometry = Geometry::new(mesh, translation, &packer.shapes.normals, &[], uv, sheet);
+        check_wanted(progress)?;
         match &mut self.gltf {
             Some(gltf) => {
                 let document = Document {
@@ -293,6 +296,7 @@ struct SheetFiles<'a> {
     is_binary: bool,
     pictures: SheetPictures,
     outputs: &'a mut Outputs,
+    progress: &'a dyn Progress,
     /// Names without extensions of the pictures that a glTF refers to, and files of those that go into it.
     images: Vec<(String, Option<File>)>,
 }
@@ -315,6 +319,7 @@ impl SheetFiles<'_> {
         let mut ktx2 = Ktx2Sink::new(file, &path, size, map, Packing::of_sheet(map))?;
         let row_bytes = 2 * map.components.count() * size[0] as usize;
         for rows in drawn.samples.chunks(64 * row_bytes) {
+            check_wanted(self.progress)?;
             ktx2.rows(&values_of_halves(rows, map.components))?;
         }
         ktx2.finish()
@@ -333,10 +338,20 @@ impl SheetFiles<'_> {
         let inside = if self.is_binary { Some(copy()?) } else { None };
         let named = if self.is_binary { self.output } else { &path };
         let mut png = PngSink::new(file, named.into(), size, *map, depth_of(map))?;
-        png.write_samples(samples)?;
+        for part in samples.chunks(PART_BYTES) {
+            check_wanted(self.progress)?;
+            png.write_samples(part)?;
+        }
         self.images.push((name, inside));
         png.finish()
     }
+}
+
+/// Bytes that are compressed between two looks at whether the export is still wanted.
+const PART_BYTES: usize = 1 << 20;
+
+fn check_wanted(progress: &dyn Progress) -> Result<()> {
+    if progress.is_cancelled() { Err(cancelled()) } else { Ok(()) }
 }
 
 /// Shaders, and what their files are called: functions are the same for all materials, a shader for Godot is one material's. `looks` are the

@@ -181,7 +181,7 @@ fn smallest_gap(min: DVec3, max: DVec3) -> f64 {
     let magnitude = min.abs().max(max.abs()).max_element();
     let size = (max - min).max_element();
     let gap = if size > 0.0 { size * 1e-3 } else { 1e-3 };
-    gap.max(magnitude * 1e-12)
+    gap.max(magnitude * 16.0 * f64::EPSILON)
 }
 
 /// Moves an eye (looking along -z) sideways until the points' picture has equal margins on opposite sides: where the

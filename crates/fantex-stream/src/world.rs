@@ -148,7 +148,7 @@ impl World {
         }
         for (index, object) in objects.iter().enumerate() {
             if let Some(defect) = object.defect() {
-                return Err(wrong(format!("object {index} ({}) {defect}", object.asset)));
+                return Err(wrong(format!("object {} ({}) {defect}", index + 1, object.asset)));
             }
         }
         for (index, coarse) in coarse.iter().enumerate() {

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::server::{Content, Server, Site};
-use crate::text::counted;
+use crate::text::{counted, within};
 
 /// Serve an asset or a world to browsers and programs on this machine.
 #[derive(Args, Debug)]
@@ -31,7 +31,7 @@ pub(crate) struct ServeArgs {
     /// An asset (.fan) or a world (.fanworld)
     asset: PathBuf,
     /// The port of the address [default: any that is free]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = port)]
     port: Option<u16>,
     /// Let pages at other addresses read the asset (CORS)
     #[arg(long)]
@@ -44,6 +44,10 @@ struct ServeInfo {
     url: String,
     /// The asset, or the index of the world.
     asset_url: String,
+}
+
+fn port(text: &str) -> Result<u16, String> {
+    within(text, "expected a whole number from 1 to 65535", |port: u16| port > 0)
 }
 
 pub(crate) fn run(args: &ServeArgs, context: &Context) -> Result<()> {

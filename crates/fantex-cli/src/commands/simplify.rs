@@ -47,6 +47,9 @@ struct SimplifyInfo {
     seconds: f64,
 }
 
+/// Any shape may keep so many triangles.
+const MIN_LEFT: u64 = 64;
+
 pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     check_model_name(&args.output)?;
@@ -59,6 +62,11 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     {
         let _deferral = context.defer_interrupt();
         write_model(&args.output, &geometry, context.force)?;
+    }
+    let (left, asked) = (coarse.triangles.len() as u64, args.triangles.0);
+    if left > asked.saturating_add(asked / 10).max(MIN_LEFT) && asked < fine.triangles.len() as u64 {
+        let (left, asked) = (counted(left, "triangle"), grouped(asked));
+        context.note(&format!("{left} are left where {asked} were asked for: the others hold the shape together"));
     }
     let info = SimplifyInfo {
         output: (&args.output).into(),

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, SPACES, check_depth, saved};
 use crate::context::Context;
-use crate::scene::{check_picture_name, size, vector};
+use crate::scene::{check_picture_name, finite, size, vector};
 use crate::series::Series;
 use crate::text::{ShownPath, one_of};
 
@@ -55,7 +55,7 @@ pub(crate) struct TableArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=64))]
     samples: u32,
     /// Seconds since the start of an animation
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0, value_parser = finite)]
     time: f32,
     /// Numbers of the file
     #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
@@ -97,6 +97,9 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
             (1..=count).map(|i| args.output.join(format!("slice-{i:04}.{extension}"))).collect()
         }
     };
+    if ![args.from, args.to].iter().all(|corner| corner.as_vec3().is_finite()) {
+        return Err(Error::invalid("--from and --to must lie within 3e38, where textures are evaluated"));
+    }
     paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
     if args.slices.is_none() {
         check_picture_name(&args.output, false)?;

@@ -99,7 +99,8 @@ const SPREADS: Choices<Spread, 2> = [
 fn point(text: &str) -> Option<DVec2> {
     let (x, y) = text.split_once(',')?;
     let point = DVec2::new(x.trim().parse().ok()?, y.trim().parse().ok()?);
-    point.is_finite().then_some(point)
+    // As the map has it.
+    point.as_vec2().is_finite().then_some(point)
 }
 
 /// Three or four pixels.

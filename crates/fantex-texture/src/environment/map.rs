@@ -17,6 +17,9 @@ use crate::{Dependence, Image, ShadingPoint, Texture};
 /// Longest ratio of a footprint's axes that [`EnvironmentMap::sample`] honours.
 pub const MAX_ENVIRONMENT_ANISOTROPY: f32 = 16.0;
 
+/// Bytes per texel while a map is made: a vector, and what levels keep of it.
+const MAKING_BYTES: u64 = 22;
+
 /// Brightest value of a texel: the largest finite half float. Suns are brighter, but one infinite texel would spoil
 /// every mean that it enters.
 pub(super) const BRIGHTEST: f32 = 65_504.0;
@@ -67,6 +70,16 @@ impl EnvironmentMap {
         })
     }
 
+    /// Counts the memory that a map of this size takes while it is made.
+    ///
+    /// # Errors
+    /// The [budget](fantex_base::input::ReadLimits) does not allow it.
+    pub fn reserve(form: EnvironmentForm, side: u32) -> Result<Held> {
+        let ([columns, rows], charts) = (form.chart_size(side).map(u64::from), form.charts() as u64);
+        let what = format_args!("an environment of {charts} x {columns} x {rows} texels");
+        reserve(what, (charts * columns * rows).saturating_mul(MAKING_BYTES))
+    }
+
     /// A map of texels that are given chart by chart and row by row, as many as [`from_function`](Self::from_function) asks for:
     /// linear RGB, replaced as there.
     ///
@@ -84,13 +97,12 @@ impl EnvironmentMap {
         texel: impl Fn(usize, u32, u32) -> Vec3 + Sync,
     ) -> Self {
         let texel = &texel;
-        let inner: Vec<Vec3A> = (0..form.charts() as u32 * size[1])
-            .into_par_iter()
-            .flat_map_iter(|row| {
-                let (chart, y) = ((row / size[1]) as usize, row % size[1]);
-                (0..size[0]).map(move |x| allowed(texel(chart, x, y)))
-            })
-            .collect();
+        let [columns, rows] = size.map(|n| n as usize);
+        let mut inner = vec![Vec3A::ZERO; form.charts() * columns * rows];
+        inner.par_chunks_mut(columns).enumerate().for_each(|(row, texels)| {
+            let (chart, y) = (row / rows, (row % rows) as u32);
+            (0..).zip(texels).for_each(|(x, inner)| *inner = allowed(texel(chart, x, y)));
+        });
         Self::from_finest(form, size, inner)
     }
 
@@ -313,7 +325,7 @@ fn load_within_limit(path: &Path) -> Result<(&Path, Image)> {
     let image = Image::load(path)?;
     let (width, height) = (image.width, image.height);
     let texels = u64::from(width) * u64::from(height);
-    drop(reserve(format_args!("the environment '{}'", path.display()), texels.saturating_mul(21))?);
+    drop(reserve(format_args!("the environment '{}'", path.display()), texels.saturating_mul(MAKING_BYTES))?);
     if texels > MAX_TEXELS {
         let message = format!(
             "'{}' has {width} x {height} texels, more than the {MAX_TEXELS} that an environment may have; scale it down",

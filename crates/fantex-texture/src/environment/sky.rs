@@ -73,12 +73,13 @@ impl Sky {
     /// The sky as a cube with faces of `side` texels. A sun smaller than a texel is spread over one and keeps its light.
     ///
     /// # Errors
-    /// As [`Sky::check`].
+    /// As [`Sky::check`] and [`EnvironmentMap::reserve`].
     ///
     /// # Panics
     /// If `side` is zero.
     pub fn to_map(&self, side: u32) -> Result<EnvironmentMap> {
         self.check()?;
+        let _held = EnvironmentMap::reserve(EnvironmentForm::Cube, side)?;
         let air = Air::new(self);
         // A plain reflects the mean, weighted by the cosine, of what is above.
         let above = EnvironmentMap::from_function(EnvironmentForm::Cube, 32, |d, _| {

@@ -178,19 +178,19 @@ impl MaterialResolver<'_> {
         } else {
             return Ok(None);
         };
-        Ok(Some(converted(map, table)))
+        self.converted(map, table).map(Some)
     }
 
     pub(super) fn sky(&self, sky: &Sky, size: u32, key: &Key) -> Result<EnvironmentMap> {
         self.accept(key, sky.to_map(size))
     }
-}
 
-/// In the form that the look asks for.
-pub(super) fn converted(map: EnvironmentMap, table: &EnvironmentTable) -> EnvironmentMap {
-    match table.form {
-        None => map,
-        Some(form) => map.converted(form, table.size),
+    /// A map in the form that the look asks for.
+    pub(super) fn converted(&self, map: EnvironmentMap, table: &EnvironmentTable) -> Result<EnvironmentMap> {
+        let Some(form) = table.form else { return Ok(map) };
+        let key = Key::of(["environment"]).name("size");
+        let _held = self.accept(&key, EnvironmentMap::reserve(form, table.size))?;
+        Ok(map.converted(form, table.size))
     }
 }
 

@@ -4,7 +4,8 @@ use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::input::{self, Held};
+use fantex_base::{Error, ErrorKind, Result, counted, grouped};
 use fantex_look::data::{ObjectTable, ShapeName, ShapeTable, TextureTable};
 use fantex_look::problem;
 use fantex_look::{Key, Resolver};
@@ -100,7 +101,10 @@ impl MaterialResolver<'_> {
             (Some(_), Some(_)) => {
                 return Err(self.file.error(&key, problem::exclusive("model", "shape")));
             }
-            (None, Some(shape)) => (cleaned(model_of(shape))?, PathBuf::from("shape")),
+            (None, Some(shape)) => {
+                let (model, _held) = self.accept(&key.name("shape"), model_of(shape))?;
+                (cleaned(model)?, PathBuf::from("shape"))
+            }
             (Some(name), None) => {
                 let path = self.file.file(name);
                 if is_asset(&path) {
@@ -170,8 +174,11 @@ fn placement(table: &ObjectTable) -> DAffine3 {
 /// A point of a shape and its outward normal, by texture coordinates.
 type Patch<'a> = &'a dyn Fn(DVec2) -> (DVec3, DVec3);
 
-/// The shape as a model: texture coordinates with their origin at the top left, smooth normals.
-pub(super) fn model_of(table: &ShapeTable) -> Model {
+/// The shape as a model: texture coordinates with their origin at the top left, smooth normals. Its memory counts until it is cleaned.
+///
+/// # Errors
+/// There is not so much left.
+pub(super) fn model_of(table: &ShapeTable) -> Result<(Model, Vec<Held>)> {
     let mut shape = Builder::default();
     let size = DVec3::from_array(table.size.map(|length| length.0));
     let (radius, half) = (table.radius, 0.5 * table.height);
@@ -180,40 +187,40 @@ pub(super) fn model_of(table: &ShapeTable) -> Model {
     match table.kind {
         ShapeName::Plane => shape.patch([flat; 2], &|uv| {
             (DVec3::new((uv.x - 0.5) * size.x, 0.0, (uv.y - 0.5) * size.z), DVec3::Y)
-        }),
+        })?,
         ShapeName::Box => {
             for (right, down) in BOX_FACES {
                 let out = down.cross(right);
                 shape.patch([flat; 2], &|uv| {
                     let on_cube = out + right * (2.0 * uv.x - 1.0) + down * (2.0 * uv.y - 1.0);
                     (on_cube * 0.5 * size, out)
-                });
+                })?;
             }
         }
         ShapeName::Sphere => shape.patch([round, (round / 2).max(2)], &|uv| {
             let (out, up) = sin_cos(PI * uv.y);
             let normal = (around(uv.x) * out).with_y(up);
             (normal * radius, normal)
-        }),
+        })?,
         ShapeName::Cylinder => {
             shape.patch([round, flat], &|uv| {
                 let normal = around(uv.x);
                 (normal * radius + DVec3::Y * (half - table.height * uv.y), normal)
-            });
+            })?;
             for side in [1.0, -1.0] {
                 shape.patch([round, 1], &|uv| {
                     let rim = around(if side > 0.0 { uv.x } else { 1.0 - uv.x });
                     (rim * (radius * uv.y) + DVec3::Y * (side * half), DVec3::Y * side)
-                });
+                })?;
             }
         }
         ShapeName::Torus => shape.patch([round, (round / 2).max(3)], &|uv| {
             let (out, (sin, cos)) = (around(uv.x), sin_cos(TAU * uv.y));
             let normal = out * cos - DVec3::Y * sin;
             (out * radius + normal * table.tube, normal)
-        }),
+        })?,
     }
-    shape.into_model()
+    Ok(shape.into_model())
 }
 
 /// Right and down of each face's image, seen from outside.
@@ -245,12 +252,19 @@ struct Builder {
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     corners: CornerAttributes,
+    held: Vec<Held>,
 }
+
+/// Bytes per triangle of a shape while it is made and cleaned.
+const SHAPE_BYTES: u64 = 140;
 
 impl Builder {
     /// A grid of quadrilaterals; `u` grows to the right and `v` downwards, seen from outside. Quadrilaterals that have
     /// shrunk to a point on one side become triangles when the model is cleaned.
-    fn patch(&mut self, [columns, rows]: [u32; 2], patch: Patch<'_>) {
+    fn patch(&mut self, [columns, rows]: [u32; 2], patch: Patch<'_>) -> Result<()> {
+        let triangles = 2 * u64::from(columns) * u64::from(rows);
+        let what = format_args!("a side of {}", counted(triangles, "triangle"));
+        self.held.push(input::reserve(what, SHAPE_BYTES * triangles)?);
         if self.corners.uv_sets.is_empty() {
             self.corners.uv_sets.push(Vec::new());
         }
@@ -277,17 +291,19 @@ impl Builder {
                 }
             }
         }
+        Ok(())
     }
 
-    fn into_model(self) -> Model {
-        Model {
+    fn into_model(self) -> (Model, Vec<Held>) {
+        let model = Model {
             name: "shape".into(),
             positions: self.positions,
             triangles: self.triangles,
             corners: self.corners,
             materials: vec![Material::default()],
             ..Model::default()
-        }
+        };
+        (model, self.held)
     }
 }
 
@@ -355,7 +371,20 @@ fn displaced(
         _ => 0.0,
     };
     let result = displace(mesh, &options, ask);
-    let (displaced, _) = result.map_err(|error| resolver.file.error(&key, error))?;
+    let (displaced, _) = result.map_err(|error| {
+        let (given, most) = (edge * scale, grouped(options.max_triangles, ' '));
+        let error = match error.kind() {
+            ErrorKind::TooLarge => Error::too_large(format!(
+                "edges of {given} make more than the {most} triangles of max_triangles; make 'edge' longer or max_triangles larger"
+            )),
+            _ if edge < f64::from(Refinement::MIN_EDGE) => Error::malformed(format!(
+                "edges of {given} are too short for a model of this size; give {} or more",
+                f64::from(Refinement::MIN_EDGE) * scale
+            )),
+            _ => error,
+        };
+        resolver.file.error(&key, error)
+    })?;
     Ok(Some(displaced))
 }
 
@@ -411,7 +440,7 @@ mod tests {
         for kind in [ShapeName::Box, ShapeName::Sphere, ShapeName::Cylinder, ShapeName::Torus] {
             let size = [ShapeLength(1.0), ShapeLength(2.0), ShapeLength(3.0)];
             let table = ShapeTable { kind, size, ..ShapeTable::default() };
-            let (mesh, report) = clean(model_of(&table), &CleanOptions::default()).unwrap();
+            let (mesh, report) = clean(model_of(&table).unwrap().0, &CleanOptions::default()).unwrap();
             assert_eq!(report.topology.edges_boundary, 0, "{kind:?}");
             let volume: f32 = (0..mesh.triangles.len())
                 .map(|t| {
@@ -426,7 +455,7 @@ mod tests {
     #[test]
     fn planes_face_upwards() {
         let table = ShapeTable { kind: ShapeName::Plane, segments: Some(4), ..ShapeTable::default() };
-        let model = model_of(&table);
+        let (model, _) = model_of(&table).unwrap();
         assert_eq!(model.triangles.len(), 32);
         let [a, b, c] = model.triangles[0].map(|i| model.positions[i as usize]);
         assert!((b - a).cross(c - a).y > 0.0);

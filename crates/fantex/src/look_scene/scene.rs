@@ -15,7 +15,7 @@ use fantex_texture::environment::EnvironmentMap;
 use fantex_texture::material::LeftOut;
 use glam::DVec3;
 
-use super::lights::{converted, environment_light};
+use super::lights::environment_light;
 use super::objects::{GivenModel, Object, Shape};
 use super::{MaterialResolver, note_of_lacking_coordinates};
 
@@ -271,7 +271,7 @@ impl<'a> LookScene<'a> {
         let environment = self.resolver.file.look().environment.as_ref();
         if let Some((table, capture)) = environment.and_then(|table| Some((table, table.capture.as_ref()?))) {
             let map = self.captured(scene, &lights, capture)?;
-            lights.ambient = AmbientLight::environment(environment_light(converted(map, table), table));
+            lights.ambient = AmbientLight::environment(environment_light(self.resolver.converted(map, table)?, table));
         }
         Ok(lights)
     }
