@@ -1,5 +1,6 @@
 //! Building the cover of a mesh.
 
+use std::cell::Cell;
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
@@ -127,9 +128,12 @@ pub fn build_cover_while(
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
     let mean = density.mean(&surface);
     watch.begin_last()?;
+    // Whatever the scale, corners have the same groups.
+    let known_corner_groups = Cell::new(Vec::new());
     let assembled = |scales| {
         watch.check()?;
-        assemble(&surface, &grouping, scales, mean * scales.scale, options.delta)
+        let corner_groups = known_corner_groups.take();
+        assemble(&surface, &grouping, corner_groups, scales, (mean * scales.scale, options.delta))
     };
     let sized = |scales: Scales| {
         let cover = assembled(scales)?;
@@ -140,7 +144,12 @@ pub fn build_cover_while(
     // What single fans store is foretold well enough.
     let counted = |scales: Scales| match options.tile {
         0 => Ok(None),
-        _ => Ok(assembled(scales)?.stored_texels_of_some(mesh)),
+        _ => {
+            let cover = assembled(scales)?;
+            let counted = cover.stored_texels_of_some(mesh);
+            known_corner_groups.set(cover.corner_groups);
+            Ok(counted)
+        }
     };
     let Sized { mut cover, texels, scale } = match options.budget {
         TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, counted, sized)?,
@@ -407,12 +416,13 @@ fn expected_texels(region: Region, scale: f32) -> u64 {
 /// Relative tolerance of the search for the scale.
 const SCALE_TOLERANCE: f32 = 1.0005;
 
+/// A cover with the groups of corners, which are found if none are given.
 fn assemble(
     surface: &Surface<'_>,
     grouping: &Grouping,
+    mut corner_groups: Vec<[u32; 3]>,
     scales: Scales,
-    density: f32,
-    delta: f32,
+    (density, delta): (f32, f32),
 ) -> Result<Cover> {
     let laid = &grouping.laid;
     let longest = laid
@@ -444,11 +454,15 @@ fn assemble(
         .collect();
     unfolded.par_sort_unstable_by_key(|u| u.corner);
     let unfolded = unfolded.into();
-    let corner_groups = (0..surface.mesh.triangles.len())
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .map(|t| surface.fans.of_triangle(t).map(|fan| grouping.fan_groups[fan as usize]))
-        .collect();
+    if corner_groups.is_empty() {
+        let groups_of = |t: usize| {
+            let [a, b, c] = surface.fans.of_triangle(t);
+            let group = |fan: u32| grouping.fan_groups[fan as usize];
+            [group(a), group(b), group(c)]
+        };
+        let triangles = (0..surface.mesh.triangles.len()).into_par_iter().with_min_len(1 << 12);
+        corner_groups = triangles.map(groups_of).collect();
+    }
     let is_paired_by_angle = surface.fans.has_links_by_angle();
     let (is_creased, hard_edges) = (false, None);
     Ok(Cover { delta, density, is_creased, hard_edges, is_paired_by_angle, corner_groups, groups, unfolded })

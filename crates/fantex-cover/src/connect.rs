@@ -55,7 +55,8 @@ impl<'a> Connector<'a> {
     pub(crate) fn connect(&mut self, order: &[u32], lengths: &[u32], facing: f32) -> (Vec<u32>, Vec<u32>) {
         self.note_places(order, 0);
         let mut seeds = self.seeds(order, 0, lengths);
-        self.absorb(order, &mut seeds, facing);
+        let pieces = self.pieces(order, lengths, &seeds);
+        self.absorb(order, &mut seeds, &pieces, facing);
         sorted_by_seed(order, &seeds, 0)
     }
 
@@ -71,13 +72,7 @@ impl<'a> Connector<'a> {
     /// For every fan of the patches the place of the first fan of its connected piece.
     fn seeds(&self, order: &[u32], start: usize, lengths: &[u32]) -> Vec<u32> {
         let mut seeds = vec![UNSEEN; lengths.iter().sum::<u32>() as usize];
-        let mut patches = Vec::with_capacity(lengths.len());
-        let (mut rest, mut first) = (seeds.as_mut_slice(), start as u32);
-        for &length in lengths {
-            let (patch, tail) = rest.split_at_mut(length as usize);
-            patches.push((first, patch));
-            (rest, first) = (tail, first + length);
-        }
+        let patches = split(&mut seeds, lengths, start as u32);
         patches.into_par_iter().for_each_init(Vec::new, |stack, (first, seeds)| {
             for i in 0..seeds.len() {
                 if seeds[i] == UNSEEN {
@@ -122,14 +117,25 @@ impl<'a> Connector<'a> {
         }
     }
 
-    /// Gives every fragment that finds one the seed of a larger piece.
-    fn absorb(&self, order: &[u32], seeds: &mut [u32], facing: f32) {
+    /// What the pieces of all patches sum up to, at the places of their seeds.
+    fn pieces(&self, order: &[u32], lengths: &[u32], seeds: &[u32]) -> Vec<Piece> {
         let mut pieces = vec![Piece::default(); order.len()];
-        for (&fan, &seed) in order.iter().zip(seeds.iter()) {
-            pieces[seed as usize].add(&self.fans.shapes[fan as usize], self.fans.density(fan));
-        }
+        split(&mut pieces, lengths, 0).into_par_iter().for_each(|(first, pieces)| {
+            for at in first as usize..first as usize + pieces.len() {
+                let fan = order[at];
+                let piece = &mut pieces[(seeds[at] - first) as usize];
+                piece.add(&self.fans.shapes[fan as usize], self.fans.density(fan));
+            }
+        });
+        pieces
+    }
+
+    /// Gives every fragment that finds one the seed of a larger piece.
+    fn absorb(&self, order: &[u32], seeds: &mut [u32], pieces: &[Piece], facing: f32) {
+        let of_fragment = |&(seed, _): &(u32, u32)| pieces[seed as usize].is_fragment();
+        let places = (0..seeds.len() as u32).into_par_iter().with_min_len(1 << 12);
         let mut members: Vec<(u32, u32)> =
-            seeds.iter().copied().zip(0..).filter(|&(seed, _)| pieces[seed as usize].is_fragment()).collect();
+            places.map(|at| (seeds[at as usize], at)).filter(of_fragment).collect();
         members.par_sort_unstable();
         let mut fragments: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         for _ in 0..ROUNDS {
@@ -137,7 +143,7 @@ impl<'a> Connector<'a> {
                 .par_iter()
                 .with_min_len(64)
                 .map_init(Vec::new, |borders, fragment| {
-                    self.longest_borders(order, seeds, &pieces, fragment, borders);
+                    self.longest_borders(order, seeds, pieces, fragment, borders);
                     borders.iter().map(|b| b.0).find(|&seed| {
                         self.sees(pieces[seed as usize].axis.normalize_or_zero(), order, fragment, facing)
                     })
@@ -182,6 +188,17 @@ impl<'a> Connector<'a> {
             self.places[fan] != ALONE && farthest_cosine(self.fans.shapes[fan].cone, direction) >= facing
         })
     }
+}
+
+/// Consecutive parts of such lengths, each with its place in a whole that begins at `first`.
+fn split<'s, T>(mut rest: &'s mut [T], lengths: &[u32], mut first: u32) -> Vec<(u32, &'s mut [T])> {
+    let mut parts = Vec::with_capacity(lengths.len());
+    for &length in lengths {
+        let (part, tail) = rest.split_at_mut(length as usize);
+        parts.push((first, part));
+        (rest, first) = (tail, first + length);
+    }
+    parts
 }
 
 /// Sums over the fans of a connected piece.

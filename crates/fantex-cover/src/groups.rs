@@ -113,7 +113,7 @@ pub(crate) fn group_fans(
     watch: &Watch<'_>,
 ) -> Result<Grouping> {
     let is_small = shapes.len() <= SMALL_MESH_FANS;
-    let is_flat = is_small || flat_share(shapes) > MIN_FLAT_SHARE;
+    let is_flat = is_small || shapes.len() <= MAX_UNROLLED_FLAT_FANS && flat_share(shapes) > MIN_FLAT_SHARE;
     let most = if is_flat { MAX_UNROLLED_FLAT_FANS } else { MAX_UNROLLED_FANS };
     let ways = if shapes.len() > most {
         &WAYS[..1]

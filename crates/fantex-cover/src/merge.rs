@@ -252,17 +252,16 @@ impl<'p> Summary<'p> {
         if !other.mergeable {
             return None;
         }
-        let cone = self.cone.union(other.cone)?;
-        if libm::cosf(cone.half_angle)
-            < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan))
-        {
+        let steepest_fan = self.steepest_fan.min(other.steepest_fan);
+        if libm::cosf(self.cone.union_angles(other.cone)?[0]) < facing_limit(limits.facing, steepest_fan) {
             return None;
         }
         let (_, density) = self.union_demand(other);
         let (direction, error) = self.union_error(other, density)?;
         let (texels, squared) = (self.area + other.area, density * density);
         let (texels, error) = (texels * squared, error * squared);
-        if libm::cbrtf(error) * libm::cbrtf(texels * texels) >= self.cost + other.cost {
+        let apart = self.cost + other.cost;
+        if error * texels * texels >= apart * apart * apart {
             return None;
         }
         let size = bounding_size(self.planar_outline(other, direction)) * density;
@@ -431,19 +430,24 @@ struct WideCone {
 }
 
 impl WideCone {
-    /// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
-    fn union(self, other: Self) -> Option<Self> {
+    /// The half angle of the narrowest cone that holds two cones, and the angle between their axes; `None` where it is wider than a hemisphere.
+    fn union_angles(self, other: Self) -> Option<[f32; 2]> {
         let between = libm::acosf(self.axis.dot(other.axis).clamp(-1.0, 1.0));
-        if between + other.half_angle <= self.half_angle {
-            return Some(self);
-        }
-        if between + self.half_angle <= other.half_angle {
-            return Some(other);
+        let wider = self.half_angle.max(other.half_angle);
+        let narrower = self.half_angle.min(other.half_angle);
+        if between < 1e-6 || between + narrower <= wider {
+            return Some([wider, between]);
         }
         let half_angle = 0.5 * (self.half_angle + other.half_angle + between);
-        if half_angle >= std::f32::consts::FRAC_PI_2 || between < 1e-6 {
-            let wider = if self.half_angle > other.half_angle { self } else { other };
-            return (between < 1e-6).then_some(wider);
+        (half_angle < std::f32::consts::FRAC_PI_2).then_some([half_angle, between])
+    }
+
+    /// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
+    fn union(self, other: Self) -> Option<Self> {
+        let [half_angle, between] = self.union_angles(other)?;
+        let wider = if self.half_angle >= other.half_angle { self } else { other };
+        if half_angle <= wider.half_angle {
+            return Some(wider);
         }
         // The axis lies on the arc between the two, `turn` away from the first.
         let turn = half_angle - self.half_angle;
@@ -475,8 +479,11 @@ impl Borders {
         fan_groups: &[AtomicU32],
         group_count: usize,
     ) -> Neighbours {
-        let groups_of =
-            |t: u32| fans.of_triangle(t as usize).map(|fan| fan_groups[fan as usize].load(Relaxed));
+        let groups_of = |t: u32| {
+            let group = |fan: u32| fan_groups[fan as usize].load(Relaxed);
+            let [a, b, c] = fans.of_triangle(t as usize);
+            [group(a), group(b), group(c)]
+        };
         let is_between = |t: &u32| {
             let [a, b, c] = groups_of(*t);
             a != b || b != c

@@ -128,9 +128,11 @@ impl Cover {
     /// The same of every `step`th group, beginning with the first.
     fn stored_blocks_of_every(&self, step: usize, mesh: &Mesh) -> StoredBlocks {
         let blocks = StoredBlocks::unread(&self.groups, 0, step);
+        // A division for each corner would take as long as the rest.
+        let asked: Vec<bool> = (0..self.groups.len()).map(|group| group.is_multiple_of(step)).collect();
         let mark = |triangle: usize| {
             let groups = self.corner_groups[triangle];
-            let is_asked = |slot: usize| (groups[slot] as usize).is_multiple_of(step);
+            let is_asked = |slot: usize| asked[groups[slot] as usize];
             let distinct = (0..3).filter(|&slot| is_asked(slot) && !groups[..slot].contains(&groups[slot]));
             distinct.for_each(|slot| self.mark(mesh, triangle, slot, &blocks));
         };
@@ -151,7 +153,7 @@ impl Cover {
         let start = blocks.starts[id as usize - blocks.first_group];
         let in_row = |row: u32, [from, to]: [u32; 2]| {
             let first = start + u64::from(row) * u64::from(cells.count[0]);
-            [from, to].map(|column| first + u64::from(column))
+            [first + u64::from(from), first + u64::from(to)]
         };
         // Small triangles lie in blocks that their neighbours have marked, mostly.
         let [first, last] = cells.around(&corners);
@@ -225,7 +227,8 @@ impl Cells {
             low = low.min(p);
             high = high.max(p);
         }
-        [low - self.growth, high + self.growth].map(|p| [self.at(p.x, 0), self.at(p.y, 1)])
+        let (low, high) = (low - self.growth, high + self.growth);
+        [[self.at(low.x, 0), self.at(low.y, 1)], [self.at(high.x, 0), self.at(high.y, 1)]]
     }
 
     /// The column (axis 0) or row (axis 1) that a place in texels lies in.

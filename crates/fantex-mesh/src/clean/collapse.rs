@@ -32,13 +32,16 @@ pub(super) fn problem(
     world_from_mesh: &WorldFromMesh,
     triangles: &[[u32; 3]],
 ) -> Option<Error> {
+    // No rounding in a box of this size moves corners by so much of an edge that is longer.
+    let long = world_from_mesh.scale * f64::from(f32::EPSILON) / MAX_MOVE;
     let is_collapsed = |&t: &[u32; 3]| {
-        let corners = t.map(|v| world[v as usize]);
+        let corners = [world[t[0] as usize], world[t[1] as usize], world[t[2] as usize]];
+        let longest = longest_squared(corners);
         let moved =
             || t.iter().map(|&v| world_from_mesh.point(mesh[v as usize]).distance_squared(world[v as usize]));
-        has_area(corners)
-            && (exact::has_no_area(t.map(|v| mesh[v as usize]))
-                || moved().fold(0.0, f64::max) > MAX_MOVE * MAX_MOVE * longest_squared(corners))
+        let is_moved =
+            || longest < long * long && moved().fold(0.0, f64::max) > MAX_MOVE * MAX_MOVE * longest;
+        (exact::has_no_area(t.map(|v| mesh[v as usize])) || is_moved()) && has_area(corners)
     };
     // No more triangles are looked at than tell that half of them or more do not collapse.
     let (mut collapsed, mut left): (Vec<[u32; 3]>, usize) = (Vec::new(), triangles.len());

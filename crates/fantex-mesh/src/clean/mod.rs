@@ -143,19 +143,24 @@ pub fn clean_watched(
     if surface.triangles.is_empty() {
         return Err(nothing_left(report, &model.name));
     }
-    let duplicates = repeats::find(&surface.triangles);
+    let mut corners = VertexCorners::of(&surface.triangles, positions.len());
+    let is_disc;
+    (report.topology, is_disc) = Topology::and_discs(&surface.triangles, &corners);
+    let duplicates = repeats::find(&surface.triangles, |v| is_disc[v as usize]);
     report.double_sided_pairs = duplicates.double_sided_pairs;
     report.triangles_duplicate = duplicates.repeated.len() as u64;
     surface.remove(&duplicates.repeated);
 
     // Step 5: drop vertices that nothing uses any more.
-    let positions = surface.compact_vertices(positions);
+    let positions = surface.compact_vertices(positions, &corners);
     report.vertices_isolated = report.vertices_in - report.vertices_welded - positions.len() as u64;
 
     // Step 6: make neighbours agree.
     watch(0.4);
-    let mut corners = VertexCorners::of(&surface.triangles, positions.len());
-    report.topology = Topology::of(&surface.triangles, &corners);
+    if positions.len() < corners.len() || !duplicates.repeated.is_empty() {
+        corners = VertexCorners::of(&surface.triangles, positions.len());
+        report.topology = Topology::of(&surface.triangles, &corners);
+    }
     let mut turned = Vec::new();
     if report.topology.edges_inconsistent > 0 || options.turn_outward {
         let normals = &model.corners.normals;
@@ -295,9 +300,10 @@ impl Surface {
         self.triangles.par_iter_mut().with_min_len(BLOCK).for_each(renumber);
     }
 
-    fn compact_vertices(&mut self, positions: Vec<Vec3>) -> Vec<Vec3> {
-        let used = used_vertices(&self.triangles, positions.len());
-        if used.par_iter().all(|&u| u) {
+    /// Drops the vertices that have no corners.
+    fn compact_vertices(&mut self, positions: Vec<Vec3>, corners: &VertexCorners) -> Vec<Vec3> {
+        let used: Vec<bool> = (0..positions.len()).map(|v| !corners.at(v).is_empty()).collect();
+        if used.iter().all(|&u| u) {
             return positions;
         }
         let mut next = 0;

@@ -125,12 +125,15 @@ pub(super) struct Duplicates {
     pub(super) double_sided_pairs: u64,
 }
 
-pub(super) fn find(triangles: &[[u32; 3]]) -> Duplicates {
+/// Finds triangles with the same vertices. `is_disc` tells of vertices whose triangles form a [disc](crate::fans::Disc): those have different vertices.
+pub(super) fn find(triangles: &[[u32; 3]], is_disc: impl Fn(u32) -> bool + Sync) -> Duplicates {
     let mut found = Duplicates { repeated: Vec::new(), double_sided_pairs: 0 };
     let mut paired = HashSet::new();
     let key = |t: usize| sorted(triangles[t]);
     let same_vertices = |a: u32, b: u32| key(a as usize) == key(b as usize);
-    for repeat in repeats(triangles.len(), |t| Some(scramble(key(t))), same_vertices) {
+    let may_repeat = |t: usize| !triangles[t].iter().any(|&v| is_disc(v));
+    let hash = |t: usize| may_repeat(t).then(|| scramble(key(t)));
+    for repeat in repeats(triangles.len(), hash, same_vertices) {
         let (triangle, first) = (triangles[repeat.element as usize], triangles[repeat.first as usize]);
         if smallest_first(triangle) == smallest_first(first) || !paired.insert(repeat.first) {
             found.repeated.push(repeat.element);
@@ -250,7 +253,7 @@ mod tests {
 
     #[test]
     fn turned_copies_are_repeats_and_reversed_ones_are_opposed() {
-        let found = find(&[[5, 3, 9], [3, 9, 5], [9, 3, 5], [5, 9, 3], [1, 2, 3], [9, 5, 3]]);
+        let found = find(&[[5, 3, 9], [3, 9, 5], [9, 3, 5], [5, 9, 3], [1, 2, 3], [9, 5, 3]], |_| false);
         assert_eq!(found.repeated, [1, 3, 5]);
         assert_eq!(found.double_sided_pairs, 1);
     }

@@ -37,14 +37,22 @@ pub struct Topology {
 impl Topology {
     /// Counts everything, in parallel. `corners` belongs to `triangles`; every triangle has three distinct vertices.
     pub fn of(triangles: &[[u32; 3]], corners: &VertexCorners) -> Self {
+        Self::and_discs(triangles, corners).0
+    }
+
+    /// The same, and which vertices lie in the middle of a small [disc](Disc).
+    pub(super) fn and_discs(triangles: &[[u32; 3]], corners: &VertexCorners) -> (Self, Vec<bool>) {
         let components = Components::new(triangles.len());
-        let mut topology = (0..corners.len().div_ceil(BLOCK))
-            .into_par_iter()
-            .map_init(Star::default, |star, block| {
+        let mut is_disc = vec![false; corners.len()];
+        let mut topology = is_disc
+            .par_chunks_mut(BLOCK)
+            .enumerate()
+            .map_init(Star::default, |star, (block, is_disc)| {
                 let mut counts = Self::default();
-                for v in block * BLOCK..corners.len().min((block + 1) * BLOCK) {
+                for (v, is_disc) in (block * BLOCK..).zip(is_disc) {
                     if let Some(disc) = Disc::of(triangles, corners.at(v)) {
                         counts.add_disc(v as u32, corners.at(v), &disc, &components);
+                        *is_disc = true;
                         continue;
                     }
                     counts.add_vertex(star.gather(v as u32, corners.at(v), triangles), &components);
@@ -54,7 +62,7 @@ impl Topology {
             .reduce(Self::default, Self::plus);
         topology.triangles = triangles.len() as u64;
         topology.components = components.count();
-        topology
+        (topology, is_disc)
     }
 
     /// `V - E + F`.
