@@ -162,7 +162,7 @@ def test_functions_are_told_what_they_have_parameters_for(tmp_path):
         seen.append((points, footprint, face, barycentric))
         return points
 
-    for fit, share in (("sharp", 1), ("box", 4)):
+    for fit, share in (("sharp", 1), ("box", 4), ("point", 64)):
         seen.clear()
         fantex.bake(mesh, tmp_path / "a.fan", texels=10_000, source=source, fit=fit, overwrite=True)
         # The first is asked for alone, as if the triangle were one texel.
@@ -173,6 +173,14 @@ def test_functions_are_told_what_they_have_parameters_for(tmp_path):
         np.testing.assert_allclose(there, points, atol=1e-6)
         # A unit square with so many texels.
         np.testing.assert_allclose(footprint, 0.01 / share, rtol=0.1)
+
+    # Cut triangles are those of the asset.
+    seen.clear()
+    bent = fantex.Mesh([[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], SQUARE[1])
+    cut = fantex.bake(bent, tmp_path / "cut.fan", texels=10_000, source=source, longest_edge=16)
+    points, _, face, barycentric = (np.concatenate(given) for given in zip(*seen[1:]))
+    assert len(cut.faces) > len(bent.faces) and len(np.unique(face)) == len(cut.faces)
+    np.testing.assert_allclose((cut.positions[cut.faces[face]] * barycentric[:, :, None]).sum(1), points, atol=1e-6)
 
     class Told:
         def __call__(self, points, normals, footprint):

@@ -87,7 +87,7 @@ def plan(
     Takes the arguments of :func:`bake` and raises what it raises; ``path`` is the plan to write, also at an ``s3://``, ``gs://`` or ``az://``
     address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
     with ``(done, total)`` thousandths of the covering, then bytes that are sent to a store. It also keeps digests of all that decides the texels, such as the contents of
-    looks and pictures, but nothing of functions; parts are baked of nothing else.
+    looks and pictures, but nothing of functions; parts are baked of nothing else. A function is asked for one point, which says which channels there are.
     """
     options = _options(
         texels=texels,
