@@ -6,6 +6,7 @@ import math
 import os
 import shutil
 import subprocess
+import tempfile
 import threading
 import time
 
@@ -52,11 +53,19 @@ def fans_of(asset, context):
         ) from error
 
 
-def show(asset, name, y_up, context):
-    """Adds an object that shows an asset."""
+def show(asset, name, y_up, context, beside=None):
+    """Adds an object that shows an asset: to the first collection of the object beside which it belongs, or to the active one."""
     item = fans.build_object(asset, fans_of(asset, context), name, y_up)
-    context.collection.objects.link(item)
+    collections = beside.users_collection if beside else ()
+    next((each for each in collections if each.is_editable), context.collection).objects.link(item)
     return item
+
+
+def activate(item, context):
+    """Selects an object and makes it the active one, where the view layer has it."""
+    if context.view_layer.objects.get(item.name) == item:
+        item.select_set(True)
+        context.view_layer.objects.active = item
 
 
 def object_of(session_uid):
@@ -177,6 +186,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
     )
 
     _bake = None
+    _timer = None
 
     @classmethod
     def poll(cls, context):
@@ -233,16 +243,24 @@ class FANTEX_OT_bake(bpy.types.Operator):
             work = "Covering the mesh" if bake.step == "covering" else "Baking fans"
             context.workspace.status_text_set(f"{work}: {100 * share:.0f} %  (Esc ends it)")
             return {"RUNNING_MODAL"} if event.type in {"TIMER", "ESC"} else {"PASS_THROUGH"}
-        context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
+        self._end(context)
         return self.finish(context, bake, object_of(self._original))
 
     def cancel(self, context):
         """Blender drops the operator, or its dialog is closed."""
         if self._bake is not None:
             self._bake.is_cancelled = True
-            context.window_manager.progress_end()
+        if self._timer is not None:
+            self._end(context)
+
+    def _end(self, context):
+        """Takes away what shows that the bake runs."""
+        context.window_manager.event_timer_remove(self._timer)
+        self._timer = None
+        context.window_manager.progress_end()
+        # There is none without a window.
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
 
     def finish(self, context, bake, original):
         if isinstance(bake.error, Cancelled):
@@ -258,16 +276,17 @@ class FANTEX_OT_bake(bpy.types.Operator):
             original[BAKED_KEY] = bake.asset.place
         name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
         try:
-            item = show(bake.asset, f"{name} fans", True, context)
+            item = show(bake.asset, f"{name} fans", True, context, original)
         except (OSError, ValueError, MemoryError, fantex.Error) as error:
             self.report({"ERROR"}, f"{bake.asset.place} is baked, but cannot be shown: {error}")
             return {"CANCELLED"}
         if original:
             item.matrix_world = original.matrix_world
-            original.hide_set(True)
-            original.select_set(False)
-        item.select_set(True)
-        context.view_layer.objects.active = item
+            # Another scene may be shown by then, which has neither of them.
+            if context.view_layer.objects.get(original.name) == original:
+                original.hide_set(True)
+                original.select_set(False)
+        activate(item, context)
         texels, tiles = bake.asset.info["texels"], bake.asset.info["tiles"]
         self.report({"INFO"}, f"{texels} texels in {tiles} tiles")
         return {"FINISHED"}
@@ -293,8 +312,7 @@ class FANTEX_OT_import(bpy.types.Operator, ImportHelper):
             return {"CANCELLED"}
         for other in context.selected_objects:
             other.select_set(False)
-        item.select_set(True)
-        context.view_layer.objects.active = item
+        activate(item, context)
         return {"FINISHED"}
 
 
@@ -302,7 +320,14 @@ def is_fans(context):
     return context.object is not None and fans.ASSET_KEY in context.object
 
 
+def is_edited(item):
+    """Whether the object's mesh is in Edit Mode, in any scene: Blender gives such an object no other one."""
+    return getattr(item.data, "is_editmode", False)
+
+
 def reload(item, context):
+    if is_edited(item):
+        raise ValueError(f"{item.name} is in Edit Mode; leave that first")
     asset = fantex.open(item[fans.ASSET_KEY])
     fans.rebuild(item, asset, fans_of(asset, context), bool(item.get(fans.Y_UP_KEY, False)))
 
@@ -321,7 +346,7 @@ class FANTEX_OT_reload(bpy.types.Operator):
     def execute(self, context):
         try:
             reload(context.object, context)
-        except (OSError, MemoryError, fantex.Error) as error:
+        except (OSError, ValueError, MemoryError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         return {"FINISHED"}
@@ -368,12 +393,14 @@ class FANTEX_OT_paint(bpy.types.Operator):
             self.report({"ERROR"}, "The program fantex was not found; say where it is in the add-on's preferences")
             return {"CANCELLED"}
         item = context.object
+        # In a file, which never fills up as a pipe does.
+        said = tempfile.TemporaryFile()
         try:
-            painter = subprocess.Popen([bpy.path.abspath(program), "paint", item[fans.ASSET_KEY]])
+            painter = subprocess.Popen([bpy.path.abspath(program), "paint", item[fans.ASSET_KEY]], stderr=said)
         except OSError as error:
             self.report({"ERROR"}, f"The program {program} does not start: {error}")
             return {"CANCELLED"}
-        watch(painter, item.session_uid)
+        watch(painter, item.session_uid, said)
         return {"FINISHED"}
 
 
@@ -381,15 +408,28 @@ class FANTEX_OT_paint(bpy.types.Operator):
 WATCHES = set()
 
 
-def watch(painter, session_uid):
-    """Reloads an object when its painter's window is closed."""
+def last_line(said):
+    """The last line of what a program has said."""
+    said.seek(0)
+    lines = said.read().decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+def watch(painter, session_uid, said):
+    """Reloads an object when its painter's window is closed; ``said`` holds what the painter says of mistakes."""
 
     def look():
-        if painter.poll() is None:
+        code = painter.poll()
+        if code is None:
+            return 0.5
+        item = object_of(session_uid)
+        is_there = item is not None and fans.ASSET_KEY in item
+        if code == 0 and is_there and is_edited(item):
             return 0.5
         WATCHES.discard(look)
-        item = object_of(session_uid)
-        if item is not None and fans.ASSET_KEY in item:
+        if code != 0:
+            tell(f"The painter has failed: {last_line(said) or f'it ended with {code}'}")
+        elif is_there:
             try:
                 reload(item, bpy.context)
             except (OSError, ValueError, MemoryError, fantex.Error) as error:

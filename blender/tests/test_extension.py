@@ -1,47 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extension in headless Blender (`bpy` from PyPI), its pictures beside the texture function itself."""
 
-import importlib.util
 import math
 import re
-import subprocess
-import sys
-import time
-import types
-from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
 bpy = pytest.importorskip("bpy")
 fantex = pytest.importorskip("fantex")
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def load_extension():
-    """The folder as a package, as Blender loads it."""
-    folder = ROOT / "blender"
-    spec = importlib.util.spec_from_file_location(
-        "fantex_extension", folder / "__init__.py", submodule_search_locations=[str(folder)]
-    )
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fantex_extension"] = module
-    spec.loader.exec_module(module)
-    module.register()
-    return module
-
-
-@pytest.fixture(scope="session")
-def extension():
-    module = load_extension()
-    yield module
-    module.unregister()
-
-
-@pytest.fixture(autouse=True)
-def empty_scene():
-    bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
 def emission_only(item, output="Base Color"):
@@ -703,67 +671,6 @@ def test_reload_of_another_layout_makes_materials_anew(tmp_path, extension):
     assert [len(data) for data in (bpy.data.materials, bpy.data.node_groups, bpy.data.images)] == counts
 
 
-def slow(points, normals):
-    time.sleep(0.2)
-    return np.full((len(points), 3), 0.5)
-
-
-def slow_bake(extension, path):
-    """A bake that takes minutes."""
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
-    mesh = extension.objects.plain_mesh(bpy.context.object, bpy.context.evaluated_depsgraph_get())
-    running = extension.Bake(mesh, str(path), texels=4e6, source=slow)
-    while running.total == 1 and not running.is_finished:
-        time.sleep(0.01)
-    assert running in extension.RUNNING
-    return running
-
-
-@pytest.mark.parametrize("end", ["load", "unregister"])
-def test_bakes_end_with_their_file(tmp_path, extension, end):
-    running = slow_bake(extension, tmp_path / "a.fan")
-    if end == "load":
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-    else:
-        extension.unregister()
-        extension.register()
-    assert running.is_finished and isinstance(running.error, extension.Cancelled)
-    assert not extension.RUNNING
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_blender_does_not_wait_for_bakes(tmp_path, extension):
-    program = f"""
-import sys
-sys.path.insert(0, {str(Path(__file__).parent)!r})
-import test_extension as tests
-extension = tests.load_extension()
-tests.slow_bake(extension, {str(tmp_path / "a.fan")!r})
-print("baking")
-"""
-    done = subprocess.run([sys.executable, "-B", "-c", program], timeout=60, capture_output=True, text=True)
-    assert done.returncode == 0 and "baking" in done.stdout, done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_escape_at_the_very_end_is_too_late(tmp_path, extension, monkeypatch):
-    """A file that is written is not said to be as it was."""
-    def escape(self, done, total, step, progress=extension.Bake._progress):
-        self.is_cancelled = done >= total
-        progress(self, done, total, step)
-
-    monkeypatch.setattr(extension.Bake, "_progress", escape)
-    red_cube()
-    bake(tmp_path / "a.fan")
-    assert (tmp_path / "a.fan").exists()
-
-
-def test_dialogs_may_be_closed(extension):
-    """Blender then calls ``cancel``, without a bake."""
-    operator = types.SimpleNamespace(_bake=extension.FANTEX_OT_bake._bake)
-    extension.FANTEX_OT_bake.cancel(operator, bpy.context)
-
-
 def test_cut_outs_have_an_edge(tmp_path, extension):
     positions, faces = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), [[0, 1, 2], [0, 2, 3]]
     # Alpha is x.
@@ -793,57 +700,6 @@ def test_cut_outs_have_an_edge(tmp_path, extension):
     asset.paint(alpha="opaque")
     item = extension.fans.build_object(asset, asset.fan_attributes(), "model", False)
     assert not item.data.materials[0].node_tree.nodes["Principled BSDF"].inputs["Alpha"].is_linked
-
-
-class Painter:
-    """A window that is closed."""
-
-    def poll(self):
-        return 0
-
-
-def test_painted_objects_are_found_by_whatever_name(tmp_path, extension, monkeypatch, capfd):
-    red_cube()
-    item = bake(tmp_path / "a.fan")
-    looks = []
-    monkeypatch.setattr(bpy.app.timers, "register", lambda look, **_: looks.append(look), raising=False)
-    extension.watch(Painter(), item.session_uid)
-    item.name = "Other"
-    mesh = item.data.session_uid
-    assert looks[0]() is None and item.data.session_uid != mesh
-    # Without the file.
-    extension.watch(Painter(), item.session_uid)
-    (tmp_path / "a.fan").unlink()
-    assert looks[1]() is None
-    assert "Other was not reloaded" in capfd.readouterr().out
-    # Without the object.
-    extension.watch(Painter(), item.session_uid)
-    bpy.data.objects.remove(item)
-    assert looks[2]() is None
-    assert not extension.WATCHES
-
-
-def test_painters_may_not_start(tmp_path, extension, monkeypatch):
-    red_cube()
-    bake(tmp_path / "a.fan")
-    monkeypatch.setattr(extension.shutil, "which", lambda _: str(tmp_path))
-    with pytest.raises(RuntimeError, match="does not start"):
-        bpy.ops.fantex.paint()
-
-
-def test_timers_end_with_the_extension(tmp_path, extension):
-    class Open:
-        def poll(self):
-            return None
-
-    extension.watch(Open(), 0)
-    look, = extension.WATCHES
-    assert bpy.app.timers.is_registered(look)
-    extension.unregister()
-    try:
-        assert not bpy.app.timers.is_registered(look) and not extension.WATCHES
-    finally:
-        extension.register()
 
 
 def test_the_manifest_names_the_wheel_of_the_recipe():

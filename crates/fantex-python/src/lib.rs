@@ -36,7 +36,7 @@ mod _native {
     #[pymodule_export]
     use crate::picture::{compare, compare_pictures, decode_image, encode_png};
     #[pymodule_export]
-    use crate::places::{check_target, is_there, remove_object, upload};
+    use crate::places::{check_target, is_there, remove_object, upload, write_whole};
     #[pymodule_export]
     use crate::watch::{Error, tell};
     #[pymodule_export]

@@ -1,11 +1,14 @@
 //! Places of results: paths, and objects in stores.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use fantex::Upload;
 use fantex::addresses::Target;
+use fantex::base::files;
 use fantex::stream::ObjectTarget;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 
 use crate::watch::{heard, watched};
 
@@ -39,4 +42,15 @@ pub(crate) fn upload(
     let upload = Upload { file: &file, place: &place, force: overwrite };
     let sent = watched(py, heard(&progress, "uploading"), |watch| upload.run(watch))?;
     Ok((sent.objects, sent.bytes, sent.notes))
+}
+
+/// Writes a file, whole or not at all.
+#[pyfunction]
+pub(crate) fn write_whole(
+    py: Python<'_>,
+    path: PathBuf,
+    bytes: PyBackedBytes,
+    overwrite: bool,
+) -> PyResult<()> {
+    watched(py, None, |_| files::write_whole(&path, overwrite, |out| out.write_all(&bytes)))
 }

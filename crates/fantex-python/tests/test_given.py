@@ -172,6 +172,31 @@ def test_pictures_are_saved_whole(tmp_path, waves):
     assert os.listdir(tmp_path) == ["a.png"]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="links and pipes")
+def test_pictures_are_written_as_everything_is(tmp_path):
+    """What a killed process has left goes away, links stay links, pipes stay pipes."""
+    picture = np.zeros((2, 2, 3), np.uint8).view(fantex.Picture)
+    left = tmp_path / ".fantex-left"
+    left.write_bytes(b"half")
+    os.utime(left, (0, 0))
+    (tmp_path / "there").mkdir()
+    os.symlink(tmp_path / "there" / "a.png", tmp_path / "link.png")
+    picture.save(tmp_path / "link.png")
+    assert (tmp_path / "link.png").is_symlink() and (tmp_path / "there" / "a.png").read_bytes() == picture.to_png()
+    picture.save(tmp_path / "a.png")
+    assert not left.exists()
+    os.mkfifo(tmp_path / "pipe.png")
+    reader = os.open(tmp_path / "pipe.png", os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        picture.save(tmp_path / "pipe.png")
+        assert os.read(reader, 1 << 16) == picture.to_png()
+    finally:
+        os.close(reader)
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(IsADirectoryError, match="folder.png"):
+        picture.save(tmp_path / "folder.png")
+
+
 def test_cameras_of_arrays():
     camera = fantex.Camera(np.array([0, 1, 2]), fov=np.float32(40))
     assert camera == fantex.Camera((0, 1, 2), fov=40) and camera.eye == (0.0, 1.0, 2.0)

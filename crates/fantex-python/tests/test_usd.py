@@ -1,5 +1,7 @@
 """Models in USD, against numbers that were put into the stages."""
 
+import io
+import json
 import os
 import subprocess
 import sys
@@ -15,6 +17,14 @@ pytest.importorskip("pxr")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils, Vt  # noqa: E402
 
 QUAD = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+
+
+def new_stage(path):
+    """In metres with y up, which stay as they are."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 1)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    return stage
 
 
 def quad(stage, path="/quad", points=QUAD, st=((0, 0), (1, 0), (1, 1), (0, 1))):
@@ -87,6 +97,27 @@ def linear(encoded):
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+def srgb(light):
+    """Bytes of linear light."""
+    light = np.asarray(light)
+    return np.rint(255 * np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)).astype(int)
+
+
+def images_of(glb):
+    """The bytes of the images of a model's only material, by the names of its textures."""
+    Image = pytest.importorskip("PIL.Image")
+    length = int.from_bytes(glb[12:16], "little")
+    scene, data = json.loads(glb[20 : 20 + length]), glb[28 + length :]
+    (material,) = scene["materials"]
+    slots = {**material, **material["pbrMetallicRoughness"]}
+
+    def image(slot):
+        view = scene["bufferViews"][scene["images"][scene["textures"][slot["index"]]["source"]]["bufferView"]]
+        return np.asarray(Image.open(io.BytesIO(data[view["byteOffset"] :][: view["byteLength"]])))
+
+    return {name: image(slot) for name, slot in slots.items() if name.endswith("Texture")}
+
+
 def smooth(columns=64, rows=64, seed=0):
     """A picture of RGBA whose channels change slowly and differ, brighter upwards in its second."""
     x, y = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
@@ -112,7 +143,7 @@ def baked(path, tmp_path, **more):
 def test_colors_and_places(tmp_path):
     """A box of polygons with a colour for each, turned, moved and scaled."""
     path = tmp_path / "box.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     parent = UsdGeom.Xform.Define(stage, "/parent")
     parent.AddTranslateOp().Set((1000, 2, 3))
     parent.AddRotateZOp().Set(90)
@@ -151,7 +182,7 @@ def test_colors_and_places(tmp_path):
 def test_textures_of_a_preview_surface(tmp_path, package):
     """Colour from an image that is turned, roughness and metal from channels of others, normals; also out of a package."""
     path = tmp_path / "quad.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     material, shader = surface(stage, metallic=0.25)
     color, rough = smooth(), smooth(seed=2)
     picture(tmp_path / "color.png", color)
@@ -182,7 +213,7 @@ def test_textures_of_a_preview_surface(tmp_path, package):
 
 def test_opacity_and_emission(tmp_path):
     path = tmp_path / "quad.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     material, shader = surface(stage, emissiveColor=(0.5, 4.0, 1.0), diffuseColor=(0.2, 0.4, 0.6))
     mask = smooth()
     picture(tmp_path / "mask.png", mask)
@@ -203,7 +234,7 @@ def test_opacity_and_emission(tmp_path):
 def test_subsets_tiles_and_bare_faces(tmp_path):
     """Two materials on parts of a mesh, one of them in UDIM tiles; the rest has its colours."""
     path = tmp_path / "strip.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     mesh = UsdGeom.Mesh.Define(stage, "/strip")
     # Four squares side by side; the coordinates of the first two are tiles of their own.
     mesh.CreatePointsAttr([(x, y, 0) for x in range(5) for y in (0, 1)])
@@ -240,7 +271,7 @@ def test_subsets_tiles_and_bare_faces(tmp_path):
 def test_instances(tmp_path):
     """References that are instanced, an instancer of points with turned and hidden copies, and what is not shown."""
     path = tmp_path / "many.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     quad(stage, "/library/quad")
     UsdGeom.Xform.Define(stage, "/library").MakeInvisible()
     source = stage.OverridePrim("/source")
@@ -285,7 +316,7 @@ def test_instances(tmp_path):
 def test_polygons(tmp_path):
     """A concave polygon, one that is a hole, one too short, corners that run the other way round."""
     path = tmp_path / "polygons.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     mesh = UsdGeom.Mesh.Define(stage, "/mesh")
     # An L of area 3, a square of area 1 that is a hole, and two corners that are no polygon.
     ell = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (1, 1, 0), (1, 2, 0), (0, 2, 0)]
@@ -303,25 +334,30 @@ def test_polygons(tmp_path):
 
 def test_times(tmp_path):
     path = tmp_path / "moving.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     move = quad(stage).AddTranslateOp()
     move.Set((1, 0, 0), 10)
     move.Set((3, 0, 0), 20)
     stage.Save()
     assert fantex.Mesh.load(path).bounds[0, 0] == 1
     fantex.usd.write_glb(path, tmp_path / "late.glb", time=15)
-    assert np.isclose(fantex.Mesh.load(tmp_path / "late.glb").bounds[0, 0], 0.02)
+    assert np.isclose(fantex.Mesh.load(tmp_path / "late.glb").bounds[0, 0], 2)
 
 
 def test_models_for_other_programs(tmp_path):
     """Metres and y up, from centimetres and z up."""
     path = tmp_path / "tower.usda"
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)
     quad(stage, points=[(100, 200, 0), (100, 200, 500), (100, 300, 500), (100, 300, 0)])
     stage.Save()
-    np.testing.assert_allclose(fantex.Mesh.load(path).bounds, [[100, 200, 0], [100, 300, 500]])
+    own = fantex.Mesh.load(path, keep_units=True), fantex.Mesh.of(stage, keep_units=True)
+    for mesh in own:
+        np.testing.assert_allclose(mesh.bounds, [[100, 200, 0], [100, 300, 500]])
+    for mesh in (fantex.Mesh.load(path), fantex.Mesh.of(stage)):
+        np.testing.assert_allclose(mesh.bounds, [[1, 0, -3], [1, 5, -2]], atol=1e-6)
+        assert not any("metersPerUnit" in note for note in mesh.notes)
     program = [sys.executable, "-W", "error", "-m", "fantex.usd"]
     output = tmp_path / "tower.glb"
     assert subprocess.run([*program, path, output], capture_output=True, cwd=tmp_path).returncode == 0
@@ -339,11 +375,83 @@ def test_models_for_other_programs(tmp_path):
         fantex.usd.write_glb(tmp_path / "none.usda", tmp_path / "none" / "tower.glb")
 
 
+def test_exports_stand_as_their_stage(tmp_path):
+    """Into a bake and out again, as USD and as glTF, a tower in centimetres with z up has the height and the place that its own stage says."""
+    path = tmp_path / "tower.usda"
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    quad(stage, points=[(100, 200, 0), (100, 200, 500), (100, 300, 500), (100, 300, 0)]).CreateDisplayColorAttr([(1, 0, 0)])
+    stage.Save()
+    asset = fantex.bake(stage, tmp_path / "tower.fan", texels=5000)
+    asset.export_fans(tmp_path / "fans.usda")
+    written = Usd.Stage.Open(str(tmp_path / "fans.usda"))
+    assert UsdGeom.GetStageUpAxis(written) == UsdGeom.Tokens.y
+    box = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"]).ComputeWorldBound(written.GetPseudoRoot()).ComputeAlignedRange()
+    metres = np.array([box.GetMin(), box.GetMax()]) * UsdGeom.GetStageMetersPerUnit(written)
+    np.testing.assert_allclose(metres, [[1, 0, -3], [1, 5, -2]], atol=1e-6)
+    asset.export(tmp_path / "tower.glb", resolution=256)
+    trimesh = pytest.importorskip("trimesh")
+    np.testing.assert_allclose(trimesh.load(tmp_path / "tower.glb").bounds, [[1, 0, -3], [1, 5, -2]], atol=1e-6)
+
+
+def test_units_that_are_none(tmp_path):
+    stage = Usd.Stage.CreateInMemory()
+    quad(stage)
+    mesh = fantex.Mesh.of(stage)
+    # USD's own default is a centimetre.
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.01, 0.01, 0]], atol=1e-9)
+    assert any("has no metersPerUnit; its unit is taken for 0.01 m" in note for note in mesh.notes)
+    assert not any("metersPerUnit" in note for note in fantex.Mesh.of(stage, keep_units=True).notes)
+    UsdGeom.SetStageMetersPerUnit(stage, 0)
+    with pytest.raises(fantex.Error, match="metersPerUnit = 0.0; expected a number above 0"):
+        fantex.Mesh.of(stage)
+    for given in (mesh, (QUAD, [(0, 1, 2)]), "model.glb"):
+        with pytest.raises(ValueError, match="keep_units= is for USD"):
+            fantex.Mesh.of(given, keep_units=True)
+
+
+@pytest.mark.parametrize("suffix", ["tif", "webp", "exr"])
+def test_numbers_in_other_formats_are_numbers(tmp_path, suffix):
+    """Maps of numbers, which glTF's two formats do not hold, keep their numbers; colours of the same file are colours."""
+    numbers = np.tile(np.uint8([255, 128, 51]), (4, 4, 1))
+    file = tmp_path / f"map.{suffix}"
+    if suffix == "exr":
+        exr = pytest.importorskip("OpenEXR")
+        header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
+        exr.File(header, {"RGB": (numbers / np.float32(255)).astype(np.float32)}).write(str(file))
+    else:
+        from PIL import Image
+
+        Image.fromarray(numbers).save(file, **({"lossless": True} if suffix == "webp" else {}))
+    numbers_in, colors_in = {"space": "auto" if suffix == "exr" else "raw"}, {"space": "auto"}
+    normals_in = {**numbers_in, "scale": (2, 2, 2, 1), "bias": (-1, -1, -1, 0)}
+    of_numbers = [
+        ({"normal": "rgb"}, normals_in),
+        ({"roughness": "g", "metallic": "b"}, numbers_in),
+        ({"occlusion": "r"}, numbers_in),
+    ]
+    of_colors = [({"diffuseColor": "rgb"}, colors_in), ({"emissiveColor": "rgb"}, colors_in)]
+    # Integers of colours are sRGB, floats are light.
+    colors = srgb(numbers[0, 0] / 255) if suffix == "exr" else numbers[0, 0]
+    for inputs in (of_numbers, of_colors + of_numbers):
+        stage = Usd.Stage.CreateInMemory()
+        material, shader = surface(stage)
+        for k, (names, more) in enumerate(inputs):
+            texture(stage, shader, names, file, f"image{k}", **more)
+        bind(quad(stage), material)
+        images = images_of(fantex.usd.glb_of(stage)[0])
+        assert len(images) == len(inputs)
+        for name, texels in images.items():
+            expected = colors if name in ("baseColorTexture", "emissiveTexture") else numbers[0, 0]
+            assert np.abs(texels[..., :3].astype(int) - expected).max() <= 1, (name, texels[0, 0], expected)
+
+
 def test_the_bottle(tmp_path, bottle):
     """A model with all its maps is the same in USD, and its normal map counts."""
     path = tmp_path / "bottle.usda"
     model = fantex.Mesh.load(bottle)
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = new_stage(path)
     trimesh = pytest.importorskip("trimesh")
     (part,) = trimesh.load(bottle).geometry.values()
     mesh = UsdGeom.Mesh.Define(stage, "/bottle")
@@ -384,7 +492,7 @@ def test_what_cannot_be_read(tmp_path, monkeypatch):
     with pytest.raises(fantex.Error, match=r"^\S*bad.usda cannot be read as USD: \S*bad.usda:2:1: parse error$"):
         fantex.Mesh.load(bad)
     binary = tmp_path / "whole.usdc"
-    stage = Usd.Stage.CreateNew(str(binary))
+    stage = new_stage(binary)
     quad(stage)
     stage.Save()
     cut = tmp_path / "cut.usdc"
@@ -401,14 +509,14 @@ def test_what_cannot_be_read(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError):
         fantex.Mesh.load(tmp_path / "none.usdz")
     empty = tmp_path / "empty.usda"
-    stage = Usd.Stage.CreateNew(str(empty))
+    stage = new_stage(empty)
     UsdGeom.Sphere.Define(stage, "/ball")
     stage.Save()
     with pytest.raises(fantex.Error, match="holds no mesh that is shown .*left out of type Sphere"):
         fantex.Mesh.load(empty)
     # Faces beyond the points, values that are too few, an image that is not there, a surface of another kind.
     odd = tmp_path / "odd.usda"
-    stage = Usd.Stage.CreateNew(str(odd))
+    stage = new_stage(odd)
     quad(stage, "/torn").CreateFaceVertexIndicesAttr([0, 1, 2, 9])
     mesh = quad(stage, "/quad", st=[(0, 0)])
     mesh.CreateNormalsAttr([(0, 0, 1)])
@@ -439,6 +547,68 @@ def test_what_cannot_be_read(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(ImportError, match="pip install usd-core"):
         fantex.Mesh.load(odd)
+
+
+def test_numbers_that_are_not_finite(tmp_path):
+    """A point without a place takes its triangles along, and nothing else; so does a place, and a material's number stays as it was."""
+    nan = float("nan")
+    stage = new_stage(tmp_path / "nan.usda")
+    mesh = UsdGeom.Mesh.Define(stage, "/mesh")
+    mesh.CreatePointsAttr([*QUAD, (2, 0, 0), (2, nan, 0)])
+    mesh.CreateFaceVertexCountsAttr([4, 3, 3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3, 1, 4, 2, 4, 5, 2])
+    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    material, _ = surface(stage, roughness=nan, diffuseColor=(0.1, float("inf"), 0.2), metallic=1.0)
+    bind(mesh, material)
+    quad(stage, "/lost").AddTranslateOp().Set((nan, 0, 0))
+    quad(stage, "/all", points=[(nan, 0, 0)] * 4)
+    loaded = fantex.Mesh.of(stage)
+    assert len(loaded.faces) == 3
+    np.testing.assert_allclose(loaded.bounds, [[0, 0, 0], [2, 1, 0]])
+    notes = "\n".join(loaded.notes)
+    for sentence in (
+        "triangles with points that are no finite numbers, which are left out: 3",
+        "meshes at places that are no finite numbers, which are left out: 1",
+        "/material/surface.inputs:roughness is no finite number; it is left out",
+        "/material/surface.inputs:diffuseColor is no finite number; it is left out",
+    ):
+        assert sentence in notes, notes
+
+
+def test_inputs_that_are_left_out_are_noted(tmp_path):
+    stage = new_stage(tmp_path / "coat.usda")
+    material, _ = surface(stage, clearcoat=1.0, clearcoatRoughness=0.1, ior=1.3, displacement=0.5, sheen=0.5, roughness=0.2)
+    bind(quad(stage), material)
+    usual, shader = surface(stage, "/usual", clearcoat=0.0, clearcoatRoughness=0.01, ior=1.5, displacement=0.0)
+    shader.CreateInput("opacityMode", Sdf.ValueTypeNames.Token).Set("transparent")
+    shader.CreateInput("sheen", Sdf.ValueTypeNames.Float)
+    bind(quad(stage, "/second"), usual)
+    mapped, shader = surface(stage, "/mapped")
+    texture(stage, shader, {"displacement": "r"}, "height.png")
+    bind(quad(stage, "/third"), mapped)
+    notes = [note for note in fantex.Mesh.of(stage).notes if note.startswith("of the material")]
+    assert notes == [
+        "of the material /material are left out: clearcoat, displacement, ior, sheen",
+        "of the material /mapped are left out: displacement",
+    ]
+
+
+def test_files_made_meanwhile_stay(tmp_path, monkeypatch):
+    path = tmp_path / "a.glb"
+    stage = Usd.Stage.CreateInMemory()
+    quad(stage)
+    read = fantex.usd.glb_of
+
+    def slow(*given, **more):
+        path.write_bytes(b"of another")
+        return read(*given, **more)
+
+    monkeypatch.setattr(fantex.usd, "glb_of", slow)
+    with pytest.raises(FileExistsError):
+        fantex.usd.write_glb(stage, path)
+    assert path.read_bytes() == b"of another" and os.listdir(tmp_path) == ["a.glb"]
+    fantex.usd.write_glb(stage, path, overwrite=True)
+    assert path.read_bytes().startswith(b"glTF") and os.listdir(tmp_path) == ["a.glb"]
 
 
 def test_the_command_line_says_how(tmp_path):

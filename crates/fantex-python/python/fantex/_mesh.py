@@ -136,11 +136,13 @@ class Mesh:
         self._native = _native.Mesh.of_arrays(positions, faces, colors, normals, uv, encoded, is_sound, weld)
 
     @classmethod
-    def load(cls, path: Path, *, weld: Optional[float] = None) -> "Mesh":
+    def load(cls, path: Path, *, weld: Optional[float] = None, keep_units: bool = False) -> "Mesh":
         """Reads a model (``.glb .gltf .obj .ply .stl``, and USD as :mod:`fantex.usd` says), or the mesh of an asset (``.fan``), without what is
-        baked. ``weld`` joins vertices of a model that lie up to this far apart, world units; by default only those at the same place."""
+        baked. ``weld`` joins vertices of a model that lie up to this far apart, world units; by default only those at the same place.
+        USD becomes metres with y up; with ``keep_units``, here and in :meth:`of`, it stays in its stage's units and axes."""
         if is_usd(path):
-            return cls._of_stage(path, os.fsdecode(path), weld)
+            return cls._of_stage(path, os.fsdecode(path), weld, keep_units)
+        _check_is_stage(path, keep_units)
         return cls._of(_native.Mesh.load(os.fsdecode(path), length(weld, "weld")))
 
     @classmethod
@@ -154,27 +156,28 @@ class Mesh:
         return cls(part.positions, part.faces, colors=part.colors, weld=weld)
 
     @classmethod
-    def _of_stage(cls, stage: Any, name: str, weld: Optional[float]) -> "Mesh":
+    def _of_stage(cls, stage: Any, name: str, weld: Optional[float], keep_units: bool) -> "Mesh":
         # Few need it.
         from . import usd
 
-        glb, notes = usd.glb_of(stage)
+        glb, notes = usd.glb_of(stage, keep_units=keep_units)
         return cls._of(_native.Mesh.of_glb(glb, name, notes, length(weld, "weld")))
 
     @classmethod
-    def of(cls, mesh: Any, *, weld: Optional[float] = None) -> "Mesh":
+    def of(cls, mesh: Any, *, weld: Optional[float] = None, keep_units: bool = False) -> "Mesh":
         """A mesh from what users have: a path, a pair of arrays, a mesh of trimesh or Open3D, anything with ``vertices`` and
         ``faces``, an open stage of USD, or an :class:`Asset`. Of trimesh, also of scenes, come colours of vertices or faces, or coordinates and
         materials with all their maps and what they make of opacity; of Open3D, old meshes and those of tensors, textures and materials or colours of vertices. ``weld`` is as for :meth:`load`, and not for what is cleaned already."""
         is_asset = isinstance(getattr(mesh, "_native", None), _native.Asset)
         if weld is not None and (is_asset or isinstance(mesh, Mesh)):
             raise ValueError(f"weld= is for models and arrays; {mesh!r} is cleaned already, so give weld= where it is made")
+        if isinstance(mesh, PATHS):
+            return cls.load(mesh, weld=weld, keep_units=keep_units)
+        if is_stage(mesh):
+            return cls._of_stage(mesh, mesh.GetRootLayer().identifier, weld, keep_units)
+        _check_is_stage(mesh, keep_units)
         if isinstance(mesh, Mesh):
             return mesh
-        if isinstance(mesh, PATHS):
-            return cls.load(mesh, weld=weld)
-        if is_stage(mesh):
-            return cls._of_stage(mesh, mesh.GetRootLayer().identifier, weld)
         if is_asset:
             return cls._of(_native.Mesh.of_asset(mesh._native))
         if isinstance(mesh, tuple):
@@ -301,6 +304,12 @@ class Mesh:
 
     def __repr__(self) -> str:
         return f"fantex.Mesh({len(self.positions)} positions, {len(self.faces)} faces)"
+
+
+def _check_is_stage(mesh: Any, keep_units: bool) -> None:
+    """Refuses ``keep_units`` for what is no USD."""
+    if keep_units:
+        raise ValueError(f"keep_units= is for USD, which says its units and axes; {mesh!r} is taken as it is")
 
 
 def _bounds(positions: np.ndarray) -> np.ndarray:

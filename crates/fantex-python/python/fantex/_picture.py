@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
 import warnings
@@ -93,26 +92,13 @@ def _taken(rendered: Tuple[np.ndarray, List[str]]) -> Picture:
     return picture.view(Picture)
 
 
-def _write(path: str, data: bytes) -> None:
+def _write(path: str, data: bytes, overwrite: bool = True) -> None:
     """Makes bytes a file, whole or not at all; what is no file, such as a pipe, gets them as they come."""
-    path = os.path.realpath(path)
-    if os.path.lexists(path) and not os.path.isfile(path):
+    if overwrite and os.path.exists(path) and not os.path.isfile(path):
         with io.open(path, "wb") as file:
             file.write(data)
-        return
-    folder, name = os.path.split(path)
-    unfinished = os.path.join(folder, f".{os.urandom(16).hex()}.tmp")
-    try:
-        with io.open(unfinished, "xb") as file:
-            file.write(data)
-        os.replace(unfinished, path)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            os.remove(unfinished)
-        if isinstance(error, OSError):
-            # The user knows the file by this name.
-            raise OSError(error.errno, error.strerror, path) from None
-        raise
+    else:
+        _native.write_whole(path, data, overwrite)
 
 
 def _warn(notes: List[str], stacklevel: int) -> None:

@@ -1,8 +1,8 @@
 """Models in USD, read by Pixar's own library: ``pip install usd-core``.
 
-With it, everything that takes a model's path takes ``.usd``, ``.usda``, ``.usdc`` and ``.usdz``, and :meth:`Mesh.of` an open stage. Positions are those of the
-stage's world, in its units. For the command line and other programs ``python -m fantex.usd scene.usdz scene.glb`` writes a model in glTF:
-metres, y up.
+With it, everything that takes a model's path takes ``.usd``, ``.usda``, ``.usdc`` and ``.usdz``, and :meth:`Mesh.of` an open stage. Positions are metres
+with y up, as everything that fantex exports says of them; ``Mesh.of(stage, keep_units=True)`` has those of the stage's world. For the command
+line and other programs ``python -m fantex.usd scene.usdz scene.glb`` writes a model in glTF.
 
 What is taken: meshes of any polygons, instanced or not, with normals, texture coordinates and ``displayColor``; of materials
 ``UsdPreviewSurface`` with its textures, also in a ``.usdz`` and in UDIM tiles. Subdivision surfaces are taken by their control meshes, skinned
@@ -61,15 +61,15 @@ def write_glb(
     folder = os.path.dirname(os.path.realpath(path))
     if not os.path.isdir(folder):
         raise FileNotFoundError(errno.ENOENT, f"there is no folder {folder}", path)
-    glb, notes = glb_of(stage, time, purposes, y_up=True)
-    _write(path, glb)
+    glb, notes = glb_of(stage, time, purposes)
+    _write(path, glb, overwrite)
     return notes
 
 
 def glb_of(
-    stage: Any, time: Optional[float] = None, purposes: Sequence[str] = PURPOSES, *, y_up: bool = False
+    stage: Any, time: Optional[float] = None, purposes: Sequence[str] = PURPOSES, *, keep_units: bool = False
 ) -> Tuple[bytes, List[str]]:
-    """A stage as the bytes of a ``.glb``, and what is to be known about it; ``y_up``: in metres with y up, else in the stage's units and axes."""
+    """A stage as the bytes of a ``.glb``, and what is to be known about it: in metres with y up, or in the stage's units and axes."""
     try:
         from pxr import Tf, Usd
     except ImportError as error:
@@ -85,7 +85,7 @@ def glb_of(
         except Tf.ErrorException as error:
             raise failed(f"{name} cannot be read as USD: {_reason(str(error))}") from None
     code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
-    return _Reader(stage, code, purposes).read(y_up)
+    return _Reader(stage, code, purposes).read(keep_units)
 
 
 def _reason(said: str) -> str:
@@ -148,6 +148,16 @@ _DEFAULTS: Dict[str, Any] = {
     "useSpecularWorkflow": 0,
 }
 
+#: Inputs that are not read, where what they say is what is shown without them; None where others decide whether they count.
+_LEFT_OUT: Dict[str, Any] = {
+    "clearcoat": 0.0,
+    "clearcoatRoughness": None,
+    "displacement": 0.0,
+    "ior": 1.5,
+    "opacityMode": "transparent",
+    "specularColor": None,
+}
+
 #: Of meshes that no material is bound to, but colours.
 _BARE = _Surface("", {**_DEFAULTS, "diffuseColor": (1.0, 1.0, 1.0), "roughness": 0.9}, {}, "displayColor")
 
@@ -182,13 +192,14 @@ class _Reader:
     def note(self, sentence: str) -> None:
         self.notes[sentence] = None
 
-    def count(self, sentence: str) -> None:
-        """Notes a sentence that is true of several prims; ``{}`` stands for their number."""
-        self.counted[sentence] = self.counted.get(sentence, 0) + 1
+    def count(self, sentence: str, number: int = 1) -> None:
+        """Notes a sentence that is true of several prims or triangles; ``{}`` stands for their number."""
+        self.counted[sentence] = self.counted.get(sentence, 0) + number
 
-    def read(self, y_up: bool) -> Tuple[bytes, List[str]]:
-        from pxr import Gf, UsdGeom
+    def read(self, keep_units: bool) -> Tuple[bytes, List[str]]:
+        from pxr import Gf
 
+        gltf_from_stage = None if keep_units else self.gltf_from_stage()
         nodes = [
             self.glb.add("nodes", {"mesh": mesh, "matrix": np.asarray(matrix).ravel().tolist()})
             for mesh, matrix in self.placed(self.stage.GetPseudoRoot(), Gf.Matrix4d(1), None)
@@ -197,15 +208,25 @@ class _Reader:
         if not nodes:
             name = self.stage.GetRootLayer().identifier
             raise failed(f"{name} holds no mesh that is shown" + (f" ({'; '.join(notes)})" if notes else ""))
-        if y_up:
-            scale = UsdGeom.GetStageMetersPerUnit(self.stage)
-            is_z_up = UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z
-            axes = [[1, 0, 0], [0, 0, -1], [0, 1, 0]] if is_z_up else np.eye(3)
-            matrix = np.eye(4)
-            matrix[:3, :3] = np.asarray(axes) * scale
-            nodes = [self.glb.add("nodes", {"children": nodes, "matrix": matrix.ravel().tolist()})]
+        if gltf_from_stage is not None:
+            nodes = [self.glb.add("nodes", {"children": nodes, "matrix": gltf_from_stage.T.ravel().tolist()})]
         self.glb.json.update(scene=0, scenes=[{"nodes": nodes}])
         return self.glb.finished(), notes
+
+    def gltf_from_stage(self) -> np.ndarray:
+        """The map to metres with y up."""
+        from pxr import UsdGeom
+
+        unit = UsdGeom.GetStageMetersPerUnit(self.stage)
+        if not (np.isfinite(unit) and unit > 0):
+            name = self.stage.GetRootLayer().identifier
+            raise failed(f"{name} has metersPerUnit = {unit}; expected a number above 0")
+        if not UsdGeom.StageHasAuthoredMetersPerUnit(self.stage):
+            self.note(f"the stage has no metersPerUnit; its unit is taken for {unit:g} m, as USD says")
+        is_z_up = UsdGeom.GetStageUpAxis(self.stage) == UsdGeom.Tokens.z
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.asarray([[1, 0, 0], [0, 0, 1], [0, -1, 0]] if is_z_up else np.eye(3)) * unit
+        return matrix
 
     def placed(self, root: Any, world_from_root: Any, root_world: Any) -> Iterator[Tuple[int, Any]]:
         """The meshes below a prim, and where they are. Below a prototype ``root_world`` is its own place, which its instances replace."""
@@ -229,7 +250,9 @@ class _Reader:
                 yield from self.instances(UsdGeom.PointInstancer(prim), world)
             elif prim.IsA(UsdGeom.Mesh):
                 mesh = self.mesh(prim)
-                if mesh is not None:
+                if mesh is not None and not np.isfinite(np.asarray(world)).all():
+                    self.count("meshes at places that are no finite numbers, which are left out: {}")
+                elif mesh is not None:
                     if prim.HasAPI(UsdSkel.BindingAPI):
                         self.count("meshes with a skeleton, which are taken as they are at rest: {}")
                     yield mesh, world
@@ -300,6 +323,10 @@ class _Reader:
         if len(holes):
             is_shown = ~np.isin(faces, holes)
             triangles, faces = triangles[is_shown], faces[is_shown]
+        is_finite = np.isfinite(positions).all(1)[points[triangles]].all(1)
+        if not is_finite.all():
+            self.count("triangles with points that are no finite numbers, which are left out: {}", int((~is_finite).sum()))
+            triangles, faces = triangles[is_finite], faces[is_finite]
         if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
             triangles = triangles[:, ::-1]
         primitives = []
@@ -449,8 +476,7 @@ class _Reader:
             if source is None:
                 continue
             if not UsdShade.Output.IsOutput(source):
-                found = source.Get(self.time)
-                values[key] = _DEFAULTS[key] if found is None else found
+                values[key] = self.value(shader, key, _DEFAULTS[key])
                 continue
             node = UsdShade.Shader(source.GetPrim())
             kind = str(node.GetIdAttr().Get())
@@ -462,6 +488,9 @@ class _Reader:
                 colors, values[key] = str(self.value(node, "varname", "displayColor")), (1.0, 1.0, 1.0)
             else:
                 self.note(f"{key} of the material {name} comes from {kind}, which is not read")
+        left_out = [given.GetBaseName() for given in shader.GetInputs() if self.is_left_out(given)]
+        if left_out:
+            self.note(f"of the material {name} are left out: {', '.join(sorted(left_out))}")
         if values["useSpecularWorkflow"]:
             self.note(f"the material {name} says its specular colour, which is taken for that of no metal")
             values["metallic"] = 0.0
@@ -472,7 +501,23 @@ class _Reader:
         """What an input is, itself or by the interface of its material."""
         source = _producer(node.GetInput(name))
         found = None if source is None else source.Get(self.time)
+        if not _is_finite(found):
+            self.note(f"{source.GetPath()} is no finite number; it is left out")
+            return default
         return default if found is None else found
+
+    def is_left_out(self, given: Any) -> bool:
+        """Whether an input of a material says what is not shown."""
+        from pxr import UsdShade
+
+        name, source = given.GetBaseName(), _producer(given)
+        if name in _DEFAULTS or source is None or (name in _LEFT_OUT and _LEFT_OUT[name] is None):
+            return False
+        found = None if UsdShade.Output.IsOutput(source) else source.Get(self.time)
+        if found is None:
+            return UsdShade.Output.IsOutput(source)
+        usual = _LEFT_OUT.get(name)
+        return not (np.isclose(found, usual) if isinstance(usual, float) else found == usual)
 
     def texture(self, node: Any, channel: str, material: str) -> Optional[_Texture]:
         from pxr import UsdShade
@@ -582,7 +627,7 @@ class _Reader:
             and (not is_blended or (has_both and base.scale[3] == 1))
         )
         if is_direct and base is not None:
-            found = self.whole(surface, base, tile)
+            found = self.whole(surface, base, tile, is_color=True)
             return None if found is None else (found, base.scale[:3])
         if base is not None and opacity is not None and base.lookup != opacity.lookup:
             self.note(f"opacity and colour of the material {surface.name} are laid differently; opacity is left out")
@@ -616,7 +661,7 @@ class _Reader:
             for name, texture in textures.items()
         )
         if is_direct:
-            return self.whole(surface, first, tile)
+            return self.whole(surface, first, tile, is_color=False)
         layers = {name: self.texels(surface, texture, tile, is_color=False) for name, texture in textures.items()}
         layers = {name: texels for name, texels in layers.items() if texels is not None}
         if not layers:
@@ -635,7 +680,7 @@ class _Reader:
             scale, bias = np.full(3, 2.0), np.full(3, -1.0)
         strength = float(scale[0] / 2)
         if np.allclose(scale[:2], 2 * strength) and np.allclose(bias[:2], -strength) and strength > 0:
-            return self.whole(surface, texture, tile), strength
+            return self.whole(surface, texture, tile, is_color=False), strength
         texels = self.texels(surface, texture._replace(scale=(1,) * 4, bias=(0,) * 4), tile, is_color=False)
         if texels is None:
             return None, 1.0
@@ -647,7 +692,8 @@ class _Reader:
         factor = np.asarray(_rgb(surface.values["emissiveColor"]), float)
         if texture is not None:
             if texture.channel == "rgb" and texture.space != "raw" and texture.bias == (0, 0, 0, 0):
-                found, factor = self.whole(surface, texture, tile), np.asarray(texture.scale[:3], float)
+                found = self.whole(surface, texture, tile, is_color=True)
+                factor = np.asarray(texture.scale[:3], float)
             else:
                 texels = self.texels(surface, texture, tile, is_color=True)
                 peak = 1.0 if texels is None else max(1.0, float(texels.max()))
@@ -674,15 +720,19 @@ class _Reader:
             return None
         return bytes(asset.GetBuffer())
 
-    def whole(self, surface: _Surface, texture: _Texture, tile: Optional[int]) -> Optional[Dict[str, Any]]:
-        """An image as it is."""
-        key = (texture.file, tile)
+    def whole(self, surface: _Surface, texture: _Texture, tile: Optional[int], is_color: bool) -> Optional[Dict[str, Any]]:
+        """An image as it is: colours in sRGB, or numbers."""
+        file = (texture.file, tile)
+        key = file if file in self.images else (*file, is_color)
         if key not in self.images:
             data = self.bytes_of(texture, tile)
-            if data is not None and not data.startswith((b"\x89PNG", b"\xff\xd8")):
+            if data is None or data.startswith((b"\x89PNG", b"\xff\xd8")):
+                key = file
+            else:
                 # glTF knows two formats.
-                texels = self.decoded(texture, data, texture.space != "raw")
-                data = None if texels is None else _native.encode_png(_srgb8(texels))
+                texels = self.decoded(texture, data, is_color)
+                encode = _srgb8 if is_color else _bytes
+                data = None if texels is None else _native.encode_png(encode(texels))
             self.images[key] = None if data is None else self.glb.image(data, os.path.basename(texture.file))
         return self.looked_up(surface, texture, self.images[key])
 
@@ -731,6 +781,11 @@ def _producer(given: Any) -> Any:
 
     found = UsdShade.Utils.GetValueProducingAttributes(given) if given else []
     return found[0] if found else None
+
+
+def _is_finite(value: Any) -> bool:
+    """Whether a value has no number that is not finite."""
+    return value is None or isinstance(value, (str, bool)) or bool(np.isfinite(np.asarray(value, float)).all())
 
 
 def _rgb(value: Any) -> Tuple[float, float, float]:
