@@ -27,6 +27,9 @@ pub(crate) const INDEX: &str = "history/index";
 /// Bytes of a part, unpacked, before the next one begins.
 const PART_BYTES: usize = 4 << 20;
 
+/// Greatest number of the next step that is read.
+const MAX_STEP_ID: u64 = 1 << 48;
+
 /// A step that can be undone or redone.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HistoryStep {
@@ -53,7 +56,7 @@ impl Index {
     fn can_be_there(&self, more: Option<&HistoryStep>) -> bool {
         let steps = || self.done.iter().chain(&self.undone).chain(more);
         let parts: u64 = steps().map(|step| u64::from(step.parts)).sum();
-        let are_numbered = self.next_id < u64::MAX && steps().all(|step| step.id < self.next_id);
+        let are_numbered = self.next_id <= MAX_STEP_ID && steps().all(|step| step.id < self.next_id);
         parts <= MAX_ATTACHMENTS as u64 && are_numbered
     }
 }
@@ -243,6 +246,11 @@ impl History {
         let step = open.step.clone();
         self.save(editor)?;
         Ok(Some(step))
+    }
+
+    /// The number of the open step.
+    pub(crate) fn open_number(&self) -> Option<u64> {
+        self.open.as_ref().map(|open| open.step.id)
     }
 
     /// Goes on with a step, if there is one.

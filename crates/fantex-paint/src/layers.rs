@@ -31,6 +31,7 @@ use crate::layer_groups::{check_depth, move_layer, tidy};
 use crate::layer_moves::check_moves;
 use crate::layer_stack::LayerStack;
 use crate::steps::Changes;
+use crate::stroke_check::check_layer;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::Rect;
 use crate::work::{FlattenWork, Work};
@@ -181,6 +182,10 @@ impl Layers {
         if layers.next_id > MAX_LAYER_ID {
             return Err(damaged("their numbers are too large"));
         }
+        if layers.stack.iter().any(|layer| layer.id >= layers.next_id) {
+            return Err(damaged("the number of the next one is not above theirs"));
+        }
+        check_values(&layers.stack).map_err(|error| damaged(&error.to_string()))?;
         find_folders(&mut layers.stack, path);
         tidy(&mut layers.stack);
         check_stack(&layers.stack, path)?;
@@ -207,7 +212,7 @@ impl Layers {
     }
 }
 
-/// Refuses layers with which the asset could not be opened: too many, numbers that are too large, looks that name files which do not lie with it,
+/// Refuses layers with which the asset could not be opened: too many, numbers that are too large, values that mean nothing, looks that name files which do not lie with it,
 /// groups that are nested too deeply.
 ///
 /// # Errors
@@ -223,11 +228,19 @@ pub(crate) fn check_stack(stack: &[Layer], asset: &Path) -> Result<()> {
             format!("the layer number {} is too large: numbers go up to {}", layer.id, MAX_LAYER_ID - 1);
         return Err(Error::invalid(sentence));
     }
+    check_values(stack)?;
     check_depth(stack)?;
     stack.iter().try_for_each(|layer| match &layer.content {
         LayerContent::Graph(fill) => check_files(&fill.graph, asset),
         _ => Ok(()),
     })
+}
+
+fn check_values(stack: &[Layer]) -> Result<()> {
+    stack
+        .iter()
+        .enumerate()
+        .try_for_each(|(index, layer)| check_layer(format_args!("layers[{index}]"), layer))
 }
 
 /// Folders of looks as an asset keeps them.
@@ -446,6 +459,8 @@ impl Painter {
         self.finish_work()
     }
 
+    /// # Errors
+    /// As [`add_layer`](Self::add_layer). What was begun is taken back then, which is work.
     pub(crate) fn change_layers(
         &mut self,
         label: &str,
@@ -466,23 +481,35 @@ impl Painter {
         self.fills.update(&self.surface, &after)?;
         self.begin_step(label);
         let before = std::mem::replace(&mut self.layers, after);
-        self.forget_leftovers(&before)?;
-        moves.iter().try_for_each(|&step| self.move_painted(&before, step))?;
-        self.forget_masks(&before)?;
+        if let Err(error) = self.enter_layers(label, &before, moves) {
+            // What is done so far is in the step. Without a history it stays, and layers are those of the asset.
+            self.layers = match self.options.history {
+                true => before,
+                false => Layers::load(&self.editor).unwrap_or(before),
+            };
+            self.take_back().unwrap_or_default();
+            return Err(error);
+        }
+        let pages = self.pages_to_flatten(&before.stack);
+        self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
+        Ok(())
+    }
+
+    /// Enters layers that have changed into the asset, the history and the log, with what was painted on them.
+    fn enter_layers(&mut self, label: &str, before: &Layers, moves: &[LayerMove]) -> Result<()> {
+        self.forget_leftovers(before)?;
+        moves.iter().try_for_each(|&step| self.move_painted(before, step))?;
+        self.forget_masks(before)?;
         if !self.options.history {
             self.drop_deleted();
         }
+        let path = self.editor.asset().path().to_owned();
         let list = self.layers.encoded(&path)?;
         self.attach(INDEX, list)?;
         let mut stack = self.layers.stack.clone();
         keep_folders(&mut stack, &path);
-        let (label_now, set_layers, layer_moves) = (label.to_owned(), Some(stack), moves.to_vec());
-        let settings =
-            StrokeSettings { label: label_now, set_layers, layer_moves, ..StrokeSettings::default() };
-        self.log(&settings)?;
-        let pages = self.pages_to_flatten(&before.stack);
-        self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
-        Ok(())
+        let (label, set_layers, layer_moves) = (label.to_owned(), Some(stack), moves.to_vec());
+        self.log(&StrokeSettings { label, set_layers, layer_moves, ..StrokeSettings::default() })
     }
 
     /// Drops what lies under numbers that come anew: it was painted on deleted layers that had them.

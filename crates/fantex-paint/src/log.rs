@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::added::added_channels;
 use crate::dab::MIN_ASPECT;
-use crate::error::{malformed, temporary};
+use crate::error::{damaged, malformed, temporary};
 use crate::graph::{check_files, found_folder, kept_folder};
 use crate::layers::{check_stack, find_folders};
 use crate::replay::{place_on, prepare_fill};
@@ -36,6 +36,9 @@ pub(crate) const PREFIX: &str = "strokes/";
 
 const FILES: &str = "strokes/files/";
 
+/// Numbers of strokes are less, so that their names, of twelve digits, are in the same order.
+pub(crate) const MAX_STROKES: u64 = 1_000_000_000_000;
+
 /// Whether an attachment holds a stroke of the log.
 pub(crate) fn is_stroke(name: &str) -> bool {
     name.starts_with(PREFIX) && !name.starts_with(FILES)
@@ -49,10 +52,18 @@ pub(crate) fn file_name(name: &str) -> String {
     format!("{PREFIX}{name}")
 }
 
-pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
+/// The number of the next stroke.
+///
+/// # Errors
+/// There are strokes with numbers that none has.
+pub(crate) fn next_number(editor: &AssetEditor) -> Result<u64> {
     let names = editor.attachment_names();
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
-    numbers.max().map_or(0, |number| number.saturating_add(1))
+    match numbers.max() {
+        None => Ok(0),
+        Some(number) if number < MAX_STROKES => Ok(number + 1),
+        Some(_) => Err(damaged(editor.asset(), "log of strokes", "its numbers are too large")),
+    }
 }
 
 /// What a stroke of the log fills, and with what; none where that cannot be told any more.

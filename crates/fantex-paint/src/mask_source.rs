@@ -225,12 +225,7 @@ impl Lattices {
                 a.distance(b).max(b.distance(c)).max(c.distance(a))
             })
             .collect();
-        let mut step = 0.4 * radius;
-        let parts = |side: f32, step: f32| ((side / step).ceil().min(MAX_PARTS as f32) as u32).max(1);
-        let points = |step: f32| sides.iter().map(|&side| points_of(parts(side, step))).sum::<usize>();
-        while points(step) > MAX_POINTS.max(3 * sides.len()) {
-            step *= 1.3;
-        }
+        let step = lattice_step(&sides, radius);
         // Corners of neighbours with the same normal are measured once.
         let mut known: BTreeMap<(u32, [u32; 3]), u32> = BTreeMap::new();
         let (mut places, mut slots, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
@@ -288,6 +283,25 @@ impl Lattices {
     }
 }
 
+/// How far apart the points are, about, on triangles whose longest sides are given: near enough for a radius, unless there are too many.
+fn lattice_step(sides: &[f32], radius: f32) -> f32 {
+    let mut step = 0.4 * radius;
+    if !step.is_normal() {
+        // What underflows does not grow: each triangle has its corners.
+        return f32::INFINITY;
+    }
+    let points = |step: f32| sides.iter().map(|&side| points_of(parts(side, step))).sum::<usize>();
+    while points(step) > MAX_POINTS.max(3 * sides.len()) {
+        step *= 1.3;
+    }
+    step
+}
+
+/// Parts of a side.
+fn parts(side: f32, step: f32) -> u32 {
+    ((side / step).ceil().min(MAX_PARTS as f32) as u32).max(1)
+}
+
 fn points_of(parts: u32) -> usize {
     ((parts + 1) * (parts + 2) / 2) as usize
 }
@@ -311,6 +325,20 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Sides of a mesh that is as small as numbers get, and smaller.
+    #[test]
+    fn lattices_of_tiny_triangles_have_their_corners() {
+        let sides = vec![1e-44; 100_000];
+        for radius in [0.0, f32::from_bits(1), 1e-44, 1e-39, f32::NAN] {
+            let step = lattice_step(&sides, radius);
+            assert!(sides.iter().all(|&side| parts(side, step) == 1), "{radius:e}");
+        }
+        // Others are divided, as finely as there is room for.
+        let [few, many] = [10, 100_000].map(|count| lattice_step(&vec![1.0; count], 0.25));
+        assert_eq!((few, parts(1.0, few)), (0.1, 10));
+        assert!(many > few && parts(1.0, many) == 1, "{many}");
     }
 
     #[test]

@@ -136,7 +136,7 @@ impl Painter {
     /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
     ///
     /// # Errors
-    /// The asset cannot be read, is being edited elsewhere, or its history or layers are damaged.
+    /// The asset cannot be read, is being edited elsewhere, or its history, layers or log are damaged.
     pub fn open(path: &Path, options: &PaintOptions) -> Result<Self> {
         Self::open_with_progress(path, options, &|_| {})
     }
@@ -154,7 +154,7 @@ impl Painter {
         let (mesh, cover) = (editor.asset().shared_mesh(), editor.asset().shared_cover());
         let in_all = |share: f32| progress(OPENED_SHARE + (1.0 - OPENED_SHARE) * share);
         let surface = Arc::new(Surface::with_progress(mesh, cover, &in_all));
-        let next_stroke = log::next_number(&editor);
+        let next_stroke = log::next_number(&editor)?;
         let options = options.clone();
         let mut painter = Self {
             surface,

@@ -26,7 +26,7 @@ impl Painter {
     /// of layers out of the normals, and forgets the history. Rewrites the file, which needs room for a copy.
     ///
     /// # Errors
-    /// As [`AssetEditor::remove_channels`](fantex_store::AssetEditor::remove_channels); the asset then stays as it is.
+    /// As [`AssetEditor::remove_channels`](fantex_store::AssetEditor::remove_channels). If the file cannot be written, the asset stays as it is.
     pub fn remove_channels(&mut self, kinds: &[ChannelKind]) -> Result<()> {
         if kinds.is_empty() {
             return Ok(());

@@ -141,13 +141,13 @@ impl SmudgeDab {
     }
 }
 
-/// Barycentric coordinates of a point in a flat triangle; none outside.
+/// Barycentric coordinates of a point in a flat triangle; none outside, nor in one without an area.
 fn barycentric([a, b, c]: [Vec2; 3], p: Vec2) -> Option<Vec3> {
     let area = (b - a).perp_dot(c - a);
     let y = (p - a).perp_dot(c - a) / area;
     let z = (b - a).perp_dot(p - a) / area;
     let lambda = Vec3::new(1.0 - y - z, y, z);
-    (lambda.min_element() >= -1e-5).then(|| {
+    (area != 0.0 && lambda.is_finite() && lambda.min_element() >= -1e-5).then(|| {
         let inside = lambda.max(Vec3::ZERO);
         inside / inside.element_sum()
     })
@@ -236,5 +236,24 @@ impl SmudgeBuffer {
         }
         colors.iter_mut().for_each(|sum| *sum /= total);
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_in_triangles_that_have_an_area() {
+        let [a, b, c] = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0)].map(|(x, y)| Vec2::new(x, y));
+        assert_eq!(barycentric([a, b, c], Vec2::new(0.5, 1.0)), Some(Vec3::new(0.25, 0.25, 0.5)));
+        assert_eq!(barycentric([a, b, c], Vec2::new(1.5, 1.0)), None);
+        // Needles, whatever two corners coincide, and points beside them, on them and at their ends.
+        for corners in [[a, a, c], [a, c, a], [c, a, a], [a, a, a], [a, b, 2.0 * b]] {
+            let places = [(0.0, 1.0), (0.5, 1.0), (-0.5, 1.0), (1.0, 0.0), (0.0, 0.0), (0.0, 2.0)];
+            for at in places.map(|(x, y)| Vec2::new(x, y)) {
+                assert_eq!(barycentric(corners, at), None, "{corners:?} {at}");
+            }
+        }
     }
 }

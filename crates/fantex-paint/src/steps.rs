@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_store::{PageId, page_origin};
 
 use crate::error::encoded;
@@ -85,10 +85,7 @@ impl Painter {
         let changes = match self.record_stroke(&stroke) {
             Ok(changes) => changes,
             Err(error) => {
-                self.history.drop_open(&mut self.editor);
-                self.editor.detach(&log::stroke_name(number));
-                self.next_stroke = number;
-                self.stroke = Some(stroke);
+                self.reopen(stroke, number);
                 return Err(error);
             }
         };
@@ -97,6 +94,14 @@ impl Painter {
         let pages = stroke.pages.ids().len();
         let summary = StrokeSummary { dabs: stroke.dabs, pages, coarser_pages: 0 };
         Ok(Some((summary, changes, stroke.affected)))
+    }
+
+    /// Opens a stroke again that could not be entered into the history or, as this number, into the log.
+    pub(crate) fn reopen(&mut self, stroke: OpenStroke, number: u64) {
+        self.history.drop_open(&mut self.editor);
+        self.editor.detach(&log::stroke_name(number));
+        self.next_stroke = number;
+        self.stroke = Some(stroke);
     }
 
     /// Enters a stroke into the history and the log; what it has changed.
@@ -156,7 +161,16 @@ impl Painter {
         Ok(names)
     }
 
+    /// # Errors
+    /// There is no number for another stroke, or the asset cannot be changed.
     pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<()> {
+        if self.next_stroke >= log::MAX_STROKES {
+            let (asset, last) = (self.editor.asset().path().display(), log::MAX_STROKES - 1);
+            let sentence = format!(
+                "the log of {asset} cannot take another stroke: numbers go up to {last}, which it has"
+            );
+            return Err(Error::too_large(sentence));
+        }
         let contents = encoded(settings)?;
         let name = log::stroke_name(self.next_stroke);
         self.next_stroke += 1;

@@ -75,7 +75,8 @@ impl StrokeSettings {
             let outside = layer.fill.as_ref().and_then(|fill| fill.outside);
             outside.map_or(Ok(()), |outside| within("layer.fill.outside", outside, SHARE))?;
         }
-        self.set_layers.iter().flatten().enumerate().try_for_each(|(index, layer)| check_layer(index, layer))
+        let mut layers = self.set_layers.iter().flatten().enumerate();
+        layers.try_for_each(|(index, layer)| check_layer(format_args!("set_layers[{index}]"), layer))
     }
 
     fn check_places(&self) -> Result<()> {
@@ -102,21 +103,25 @@ fn check_brush(brush: &Brush) -> Result<()> {
     within("brush.jitter.flow", brush.jitter.flow, SHARE)
 }
 
-/// `index`: among the layers of `set_layers`.
-fn check_layer(index: usize, layer: &Layer) -> Result<()> {
-    within(format_args!("set_layers[{index}].opacity"), layer.opacity, SHARE)?;
+/// Refuses a layer whose values mean nothing. `key`: of the layer.
+pub(crate) fn check_layer(key: impl fmt::Display, layer: &Layer) -> Result<()> {
+    within(format_args!("{key}.opacity"), layer.opacity, SHARE)?;
     if let Some(outside) = layer.mask {
-        within(format_args!("set_layers[{index}].mask"), outside, SHARE)?;
+        within(format_args!("{key}.mask"), outside, SHARE)?;
     }
     match layer.mask_source.map(|source| source.by) {
-        Some(MaskMeasure::Height { axis }) => check_axis("set_layers.mask_source.by.height.axis", axis),
-        Some(MaskMeasure::Slope { axis }) => check_axis("set_layers.mask_source.by.slope.axis", axis),
+        Some(MaskMeasure::Height { axis }) => {
+            check_axis(format_args!("{key}.mask_source.by.height.axis"), axis)
+        }
+        Some(MaskMeasure::Slope { axis }) => {
+            check_axis(format_args!("{key}.mask_source.by.slope.axis"), axis)
+        }
         _ => Ok(()),
     }
 }
 
 /// Refuses what is no axis.
-pub(crate) fn check_axis(key: &str, axis: usize) -> Result<()> {
+pub(crate) fn check_axis(key: impl fmt::Display, axis: usize) -> Result<()> {
     allowed(axis <= 2, key, axis, "0 (x), 1 (y) or 2 (z)")
 }
 

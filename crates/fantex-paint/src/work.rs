@@ -129,11 +129,13 @@ impl Painter {
         Ok(())
     }
 
-    /// Ends the open step, which has something in it, and begins to take it back.
+    /// Ends the open step, and begins to take it back if there is something in it.
     pub(crate) fn take_back(&mut self) -> Result<()> {
         self.room.let_go();
+        let open = self.history.open_number();
         self.history.finish(&mut self.editor)?;
-        if let Some(step) = self.history.next_step(Direction::Back).cloned() {
+        let last = self.history.next_step(Direction::Back);
+        if let Some(step) = last.filter(|step| Some(step.id) == open).cloned() {
             self.work = Some(Work::Step(StepWork::new(step, Direction::Back, Afterwards::Forget)));
         }
         Ok(())
@@ -178,20 +180,23 @@ impl Painter {
             Kept::Stroke(kept) => return self.end_kept_stroke(kept),
             Kept::Fill(kept) => {
                 self.history.take_up(kept.step.clone());
-                match self.fill_left(&kept)? {
-                    Some(work) => Work::Fill(Box::new(work)),
+                match self.fill_left(&kept) {
+                    Ok(Some(work)) => Work::Fill(Box::new(work)),
                     // Nothing tells what it did.
-                    None if kept.step.is_none() => return Ok(()),
-                    None => return self.take_back(),
+                    Ok(None) | Err(_) if kept.step.is_none() => return Ok(()),
+                    // It cannot go on, or a layer over it cannot be shown: that can be hidden or corrected once the asset is open.
+                    Ok(None) | Err(_) => return self.take_back(),
                 }
             }
             Kept::Flatten(kept) => {
                 let are_read = self.fills.update(&self.surface, &self.layers);
                 self.history.take_up(kept.step.clone());
-                match are_read {
+                match (are_read, &kept.step) {
+                    (Ok(()), _) => {}
                     // Where a texture cannot be read any more, layers are as they were before.
-                    Err(_) if kept.step.is_some() => return self.take_back(),
-                    read => read?,
+                    (Err(_), Some(_)) => return self.take_back(),
+                    // Nothing tells how they were. All is evaluated when the layer is hidden or corrected.
+                    (Err(_), None) => return Ok(()),
                 }
                 Work::Flatten(self.flatten_left(kept))
             }
@@ -495,24 +500,34 @@ impl Painter {
     /// stroke has painted so far included.
     ///
     /// # Errors
-    /// There is no such channel, or the commit or the log fails: then the stroke is dropped.
+    /// There is no such channel, or the commit or the log fails: then the stroke is [abandoned](Self::abandon).
     pub fn start_fill(&mut self, area: FillArea) -> Result<()> {
         if self.stroke.is_none() {
             return Ok(());
         }
-        let area = self.place_area(area);
+        self.begin_fill(area).inspect_err(|_| {
+            // Where its pages cannot be read it stays open, and whoever ends it is told.
+            self.abandon().unwrap_or_default();
+        })
+    }
+
+    /// Where that fails the stroke stays open.
+    fn begin_fill(&mut self, area: FillArea) -> Result<()> {
+        let area = self.place_area(area)?;
+        // Of the step before.
+        self.finish_levels()?;
         let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
         self.drop_kept_stroke();
-        let area = area.inspect_err(|_| self.room.let_go())?;
         stroke.recording.lose();
         let mut pages = area.pages(self);
         pages.extend(stroke.pages.ids());
         let pages: Vec<PageId> = pages.into_iter().collect();
-        // Of the step before.
-        self.finish_levels()?;
         self.begin_step(&stroke.label);
         let logged = self.next_stroke;
-        self.log_stroke(&stroke)?;
+        if let Err(error) = self.log_stroke(&stroke) {
+            self.reopen(stroke, logged);
+            return Err(error);
+        }
         let (slices, summary) =
             (Slices::new(&pages), StrokeSummary { dabs: stroke.dabs, ..StrokeSummary::default() });
         self.work = Some(Work::Fill(Box::new(FillWork { stroke, logged, area, slices, summary })));
@@ -617,8 +632,8 @@ impl Painter {
         if paint.tool.reads_surface() || matches!(area, FillArea::Color { .. }) {
             return Ok(None);
         }
-        self.begin_on(kept.target, &kept.label, paint)?;
         let area = self.place_area(area)?;
+        self.begin_on(kept.target, &kept.label, paint)?;
         let Some(stroke) = self.stroke.take() else { return Ok(None) };
         let pages: Vec<PageId> = area.pages(self).into_iter().collect();
         let slices = Slices::left(&self.surface, &pages, &kept.slices);
@@ -754,7 +769,7 @@ impl Painter {
         }
         self.layers = Layers::load(&self.editor)?;
         // It may have brought back strokes of the log.
-        self.next_stroke = self.next_stroke.max(log::next_number(&self.editor));
+        self.next_stroke = self.next_stroke.max(log::next_number(&self.editor)?);
         Ok(())
     }
 }

@@ -7,11 +7,11 @@
 //! ```
 //!
 //! There are two header slots, of which the valid one with the greater generation counts. A new file has the same slot twice. A
-//! later change appends clusters and a directory, makes them durable, and then writes the *older* slot anew with the next
-//! generation: a crash in between leaves the other one.
+//! later change writes clusters and a directory to where neither slot refers to (free space, or the end of the file), makes them
+//! durable, and then writes the *older* slot anew with the next generation: a crash in between leaves the other one.
 //!
 //! Opening takes two reads, because a source far away takes its time for each. Sections that lie far from the others (as
-//! appended ones do) are read by themselves.
+//! those that a change has written do) are read by themselves.
 
 use std::ops::Range;
 use std::path::Path;

@@ -88,7 +88,7 @@ impl Asset {
         Self::open_source(Arc::new(file))
     }
 
-    /// Opens and checks an asset, wherever its bytes are. Two reads, unless sections were appended to it.
+    /// Opens and checks an asset, wherever its bytes are. Two reads, unless changes have put sections elsewhere.
     ///
     /// # Errors
     /// As [`open`](Self::open).

@@ -1,13 +1,14 @@
 //! What was painted lasts: strokes that nobody ended, bases of hidden layers, histories that are not kept, lists that are damaged.
 
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_bake::BakeFormat;
 use fantex_base::{Error, ErrorKind};
 use fantex_paint::{
-    GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target, TextureGraph, dabs_of, replay,
-    without_room,
+    ColorFill, FillArea, GraphFill, Layer, LayerPlace, PaintOptions, Painter, StrokeLog, Target,
+    TextureGraph, dabs_of, replay, without_room,
 };
 use fantex_store::{AssetEditor, EditOptions, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -15,7 +16,8 @@ use glam::{Vec3, Vec4};
 
 use crate::layers::{LINE, everywhere, paint_on};
 use crate::{
-    Contents, ball, contents, crash, fine_ball, open, paint_stroke, red, slices, start, stroke, strokes,
+    Baked, Contents, ball, contents, crash, fine_ball, open, paint_stroke, red, slices, start, stroke,
+    strokes,
 };
 
 fn finest((pages, _): &Contents) -> Vec<Vec<u8>> {
@@ -393,6 +395,151 @@ fn layers_with_numbers_that_could_not_be_read_again_are_refused() {
     }
 }
 
+/// The next layer would take the number of one that is there; or a layer would show more than all of itself.
+#[test]
+fn layers_that_no_painter_writes_are_damage() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    painter.add_layer(Layer::fill("fill", &[Vec4::ONE; 2])).unwrap();
+    let changes: [(&str, fn(&mut Layer)); 3] = [
+        ("opacity", |layer| layer.opacity = 1.5),
+        ("opacity", |layer| layer.opacity = f32::NAN),
+        ("mask", |layer| layer.mask = Some(-0.5)),
+    ];
+    for (key, change) in changes {
+        let error = painter.edit_layers("edit", |layers| change(&mut layers[0])).unwrap_err().to_string();
+        assert!(error.contains(&format!("`layers[0].{key}` is")) && error.contains("0 to 1"), "{error}");
+    }
+    painter.commit().unwrap();
+    drop(painter);
+    let index = || {
+        let editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+        String::from_utf8(editor.attachment("layers/index").unwrap().unwrap()).unwrap()
+    };
+    let whole = index();
+    for (from, to, sentence) in [
+        (r#""next_id":1"#, r#""next_id":0"#, "the number of the next one is not above theirs"),
+        (r#""opacity":1.0"#, r#""opacity":1e38"#, "`layers[0].opacity` is 1"),
+        (r#""mask":0.0"#, r#""mask":-5"#, "`layers[0].mask` is -5, but must be 0 to 1"),
+    ] {
+        let changed = whole.replace(from, to);
+        assert_ne!(whole, changed);
+        put(&baked, "layers/index", changed.as_bytes());
+        let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap();
+        let kind = error.kind();
+        let error = error.to_string();
+        assert!(kind == ErrorKind::Damaged && error.contains("the layers of"), "{error}");
+        assert!(error.contains(sentence), "{error}");
+    }
+    put(&baked, "layers/index", whole.as_bytes());
+    assert_eq!(baked.painter().layers().len(), 1);
+}
+
+/// Puts an attachment into an asset that is not open.
+fn put(baked: &Baked, name: &str, contents: &[u8]) {
+    let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();
+    editor.attach(name, contents.to_vec()).unwrap();
+    editor.commit().unwrap();
+}
+
+#[test]
+fn logs_with_numbers_that_cannot_go_on_are_damage() {
+    for number in ["18446744073709551615", "1000000000000"] {
+        let baked = ball(10_000, BakeFormat::Rgba8);
+        put(&baked, &format!("strokes/{number}"), b"{}");
+        let error = Painter::open(&baked.path, &PaintOptions::default()).err().unwrap().to_string();
+        assert!(
+            error.contains("the log of strokes of") && error.contains("its numbers are too large"),
+            "{error}"
+        );
+    }
+}
+
+/// Whatever cannot be logged leaves nothing behind.
+#[test]
+fn what_a_full_log_does_not_take_is_not_done() {
+    let baked = ball(40_000, BakeFormat::Rgba8);
+    let before = contents(&baked.painter());
+    put(&baked, "strokes/999999999999", b"{}");
+    let mut painter = baked.painter();
+    let names = |painter: &Painter| {
+        let mut names = painter.editor().attachment_names();
+        names.retain(|name| name != "history/index");
+        names
+    };
+    let is_refused = |refused: fantex_base::Result<()>| {
+        let error = refused.unwrap_err().to_string();
+        assert!(error.contains("numbers go up to 999999999999"), "{error}");
+    };
+    // Dabs that are shown already are taken back.
+    begin_stroke(&mut painter, Target::Base);
+    assert!(!painter.show().unwrap().is_empty());
+    is_refused(painter.start_fill(FillArea::Everything));
+    assert!(!painter.has_work() && contents(&painter) == before);
+    // So are layers.
+    is_refused(painter.add_layer(Layer::painted("layer")).map(drop));
+    assert!(painter.layers().is_empty());
+    painter.finish_work().unwrap();
+    assert!(painter.layers().is_empty() && contents(&painter) == before);
+    assert!(painter.history().done().is_empty());
+    painter.commit().unwrap();
+    assert_eq!(names(&painter), ["strokes/999999999999"]);
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// A channel that is not there is found out when dabs are shown already.
+#[test]
+fn a_fill_that_cannot_begin_takes_its_dabs_back() {
+    for target in 0..2 {
+        let baked = ball(40_000, BakeFormat::Rgba8);
+        let (mut painter, _) = start(&baked);
+        let layer = painter.add_layer(Layer::painted("layer")).unwrap();
+        painter.commit().unwrap();
+        let (before, names) = (contents(&painter), painter.editor().attachment_names());
+        begin_stroke(&mut painter, [Target::Base, Target::Layer(layer)][target]);
+        painter.commit().unwrap();
+        assert!(contents(&painter) != before);
+        let starts = vec![painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap()];
+        let area = FillArea::Color { channel: 9, starts, fill: ColorFill::default() };
+        let error = painter.fill(area).unwrap_err().to_string();
+        assert!(error.contains("there is no channel 9"), "{error}");
+        assert!(contents(&painter) == before);
+        painter.end().unwrap();
+        painter.commit().unwrap();
+        assert!(contents(&painter) == before && painter.history().done().len() == 2);
+        assert_eq!(painter.editor().attachment_names(), names);
+    }
+}
+
+/// The step before is not taken for the one that failed.
+#[cfg(unix)]
+#[test]
+fn layers_whose_merging_fails_stay() {
+    let baked = ball(60_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let [_, upper] = ["lower", "upper"].map(|name| {
+        let id = painter.add_layer(Layer::painted(name)).unwrap();
+        paint_on(&mut painter, Target::Layer(id), red(0.5), &LINE);
+        id
+    });
+    painter.commit().unwrap();
+    let before = contents(&painter);
+    let bytes = std::fs::read(&baked.path).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(&baked.path).unwrap();
+    let put = |bytes: &[u8]| std::os::unix::fs::FileExt::write_all_at(&file, bytes, 0).unwrap();
+    put(&vec![0; bytes.len()]);
+    assert!(painter.merge_layer_down(upper).is_err());
+    put(&bytes);
+    assert_eq!(painter.layers().len(), 2);
+    painter.finish_work().unwrap();
+    assert!(painter.layers().len() == 2 && painter.history().done().len() == 4);
+    assert!(contents(&painter) == before);
+    painter.merge_layer_down(upper).unwrap();
+    assert_eq!(painter.layers().len(), 1);
+    assert!(painter.undo().unwrap());
+    assert!(contents(&painter) == before && painter.layers().len() == 2);
+}
+
 #[test]
 fn too_many_layers_are_refused() {
     let baked = ball(10_000, BakeFormat::Rgba8);
@@ -406,17 +553,23 @@ fn too_many_layers_are_refused() {
     assert_eq!(painter.layers().len(), 1);
 }
 
-/// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.
-#[test]
-fn layers_whose_pictures_are_gone_are_as_they_were() {
-    let baked = fine_ball(1_000_000);
-    let (mut painter, before) = start(&baked);
+/// A layer that shows a picture beside the asset.
+fn picture_layer(baked: &Baked) -> (Layer, PathBuf) {
     let picture = baked.folder.path().join("picture.png");
     Image::from_linear_rgba(4, 4, &[[0.5; 4]; 16]).save(&picture).unwrap();
     let look = "[textures.picture]\nkind = \"image\"\nimage = \"picture.png\"\n".to_owned();
     let graph = TextureGraph { look, folder: baked.folder.path().to_owned() };
     let fill = GraphFill { graph, textures: vec![Some("picture".to_owned())] };
-    painter.start_add_layer(Layer::graph("picture", fill), LayerPlace::Top).unwrap();
+    (Layer::graph("picture", fill), picture)
+}
+
+/// A texture that was being evaluated and cannot be read any more keeps nobody from opening the asset.
+#[test]
+fn layers_whose_pictures_are_gone_are_as_they_were() {
+    let baked = fine_ball(1_000_000);
+    let (mut painter, before) = start(&baked);
+    let (layer, picture) = picture_layer(&baked);
+    painter.start_add_layer(layer, LayerPlace::Top).unwrap();
     slices(&mut painter, 2);
     painter.commit().unwrap();
     drop(painter);
@@ -425,4 +578,53 @@ fn layers_whose_pictures_are_gone_are_as_they_were() {
     assert!(painter.has_work());
     painter.finish_work().unwrap();
     assert!(contents(&painter) == before && painter.layers().is_empty());
+}
+
+/// Without a history nothing says how they were: they are shown again once they are hidden or corrected.
+#[test]
+fn layers_without_a_history_whose_pictures_are_gone_can_be_hidden() {
+    let baked = ball(200_000, BakeFormat::Rgba8);
+    let options = PaintOptions { history: false, ..PaintOptions::default() };
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    let before = contents(&painter);
+    let (layer, picture) = picture_layer(&baked);
+    painter.start_add_layer(layer, LayerPlace::Top).unwrap();
+    slices(&mut painter, 2);
+    painter.commit().unwrap();
+    drop(painter);
+    std::fs::remove_file(&picture).unwrap();
+    let mut painter = Painter::open(&baked.path, &options).unwrap();
+    assert!(contents(&painter) != before);
+    let error = painter.begin("stroke", red(0.5)).unwrap_err().to_string();
+    assert!(error.contains("the layer \"picture\" cannot be shown"), "{error}");
+    painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+    assert!(finest(&contents(&painter)) == finest(&before));
+}
+
+/// So does one under which a fill was interrupted: the fill is taken back.
+#[test]
+fn fills_under_layers_whose_pictures_are_gone_are_taken_back() {
+    let baked = ball(200_000, BakeFormat::Rgba8);
+    let (mut painter, _) = start(&baked);
+    let (mut layer, picture) = picture_layer(&baked);
+    layer.opacity = 0.5;
+    painter.add_layer(layer).unwrap();
+    painter.commit().unwrap();
+    let before = contents(&painter);
+    let fill = r#"{ "fill": "whole", "channels": [{ "kind": "base_color", "color": { "linear": [0.9, 0.05, 0.05, 1] } }] }"#;
+    painter.begin("fill", red(0.5)).unwrap();
+    painter.record(strokes(fill).strokes.remove(0), baked.folder.path()).unwrap();
+    painter.start_fill(FillArea::Everything).unwrap();
+    slices(&mut painter, 2);
+    painter.commit().unwrap();
+    assert!(contents(&painter) != before);
+    drop(painter);
+    std::fs::remove_file(&picture).unwrap();
+    let mut painter = open(&baked);
+    assert!(painter.work_progress().is_some_and(|work| work.is_undo && work.label == "fill"));
+    painter.finish_work().unwrap();
+    assert!(contents(&painter) == before);
+    assert_eq!((painter.history().done().len(), painter.layers().len()), (2, 1));
+    painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+    paint_on(&mut painter, Target::Base, red(0.5), &LINE);
 }

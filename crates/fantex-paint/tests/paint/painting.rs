@@ -545,7 +545,7 @@ fn a_log_with_a_stroke_that_met_nothing_is_replayed() {
 #[test]
 fn a_history_of_steps_that_cannot_be_is_damage() {
     let baked = ball(10_000, BakeFormat::Rgba8);
-    for (next_id, parts) in [(1, u32::MAX), (0, 1), (u64::MAX, 1)] {
+    for (next_id, parts) in [(1, u32::MAX), (0, 1), (u64::MAX, 1), (u64::MAX - 1, 1)] {
         let step = format!(r#"{{"id":0,"label":"a","parts":{parts}}}"#);
         let index = format!(r#"{{"next_id":{next_id},"done":[],"undone":[{step}]}}"#);
         let mut editor = AssetEditor::open(&baked.path, &EditOptions::default()).unwrap();

@@ -156,8 +156,8 @@ impl AssetEditor {
     /// not grow with the asset. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`removable_channels`](Asset::removable_channels), `change` and [`compact`](Self::compact), or there is no room for a temporary
-    /// file of the preview's size; the asset then stays as it is.
+    /// As [`removable_channels`](Asset::removable_channels) and `change`, or there is no room for a temporary file of the preview's size: the
+    /// asset then stays as it is; else as [`compact`](Self::compact).
     pub fn remove_channels(
         &mut self,
         kinds: &[ChannelKind],
@@ -201,7 +201,7 @@ impl AssetEditor {
     /// Texels stay as they are. Needs room for the copy. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`compact`](Self::compact), or there is no room for a temporary file of the preview's size; the asset then stays as it is.
+    /// There is no room for a temporary file of the preview's size: the asset then stays as it is; else as [`compact`](Self::compact).
     pub fn set_alpha_mode(&mut self, alpha: AlphaMode) -> Result<()> {
         let mut mesh = self.asset.mesh().clone();
         if !mesh.set_alpha_mode(alpha) {

@@ -75,7 +75,8 @@ impl AssetEditor {
     /// with the asset. Readers that have the old file open keep it.
     ///
     /// # Errors
-    /// As [`commit`](Self::commit), or the copy cannot be written; the file then stays as it is.
+    /// As [`commit`](Self::commit), or the copy cannot be written; the file then stays as it is. Where only what comes after that fails (its
+    /// folder cannot be made durable, the copy cannot be opened or locked), the file is the copy already; this editor commits no more.
     pub fn compact(&mut self) -> Result<CompactSummary> {
         self.rewrite(&NewChannel::all_of(&self.asset), None, |_| false, |_, contents| Ok(Some(contents)))
     }
