@@ -50,7 +50,7 @@ export class FanLoader extends Loader {
             .finally(() => this.manager.itemEnd(item));
     }
 
-    /** Ends what is being loaded: that fails with an `AbortError`, and leaves nothing. */
+    /** Ends what is being loaded: that fails with an `AbortError`. In a worker it leaves nothing; on the page requests under way run out. */
     abort() {
         for (const load of this.#loads) load.abort();
         return this;

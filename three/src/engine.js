@@ -12,8 +12,8 @@
 import init, { FanCore } from "../built/fantex_three.js";
 import { TRAPPED, isTrap, orTrap } from "./trap.js";
 
-/** Sides of textures that devices have. WebGL 2 has the least one everywhere, and several cards say more than the greatest but keep less. */
-const MAX_SIDES = [16384, 8192, 4096, 2048];
+/** Sides of textures that devices have. With less than the least one tables have no room, and several cards say more than the greatest but keep less. */
+const MAX_SIDES = [16384, 8192, 4096];
 
 /** The least room for the texels of an update, bytes. */
 const MIN_ROOM = 1 << 20;

@@ -26,7 +26,10 @@ export interface FanLoaderOptions {
 /** Opens assets (`.fan`) by address. Of each it fetches what a view needs. */
 export class FanLoader extends Loader<FanMesh> {
     constructor(options?: FanLoaderOptions, manager?: LoadingManager);
-    /** Ends what is being loaded: that fails with an `AbortError`, and leaves nothing. */
+    /**
+     * Ends what is being loaded: that fails with an `AbortError`, and leaves nothing. (Without a worker, requests under way run out, and what
+     * they bring is dropped.)
+     */
     abort(): this;
 }
 
@@ -66,6 +69,9 @@ export class FanMesh extends Mesh {
     patch<M extends Material>(material: M): M;
     /** Asks once more for what could not be read. */
     retry(): void;
-    /** Ends streaming and its worker, and frees memory and graphics memory. Materials given to `patch` stay the page's. */
+    /**
+     * Ends streaming and its worker, and frees memory and graphics memory. Materials given to `patch` stay the page's. (Without a worker,
+     * requests under way run out, and what they bring is dropped.)
+     */
     dispose(): void;
 }

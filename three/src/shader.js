@@ -73,6 +73,8 @@ uniform sampler2D fanLight;
 
 const LOOKUP = /* glsl */ `
 const float FAN_FADE_TEXELS = 8.0;
+// Tiles along a footprint at most.
+const float FAN_MAX_FOOTPRINT = 16384.0;
 
 struct FanTile {
     vec4 baseColor;
@@ -112,7 +114,15 @@ struct FanFootprint {
     float determinant;
 };
 
-FanFootprint fanFootprint(vec2 dx, vec2 dy) {
+// Derivatives of triangles that are seen edge-on may be infinite, or no numbers.
+vec2 fanBounded(vec2 derivative) {
+    vec2 held = clamp(derivative, vec2(-FAN_MAX_FOOTPRINT), vec2(FAN_MAX_FOOTPRINT));
+    return vec2(isnan(derivative.x) ? 0.0 : held.x, isnan(derivative.y) ? 0.0 : held.y);
+}
+
+FanFootprint fanFootprint(vec2 unboundedDx, vec2 unboundedDy) {
+    vec2 dx = fanBounded(unboundedDx);
+    vec2 dy = fanBounded(unboundedDy);
     return FanFootprint(
         dx.x * dx.x + dy.x * dy.x,
         dx.x * dx.y + dy.x * dy.y,

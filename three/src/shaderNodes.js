@@ -10,6 +10,9 @@ import { Vector2 } from "three";
 
 const FADE_TEXELS = 8;
 
+/** Tiles along a footprint at most. */
+const MAX_FOOTPRINT = 16384;
+
 const FanSurface = struct({ baseColor: "vec4", material: "vec3", emission: "vec3", light: "vec3", normal: "vec3" }, "FanSurface");
 
 /** An entry of a table in rows of 4096. */
@@ -29,8 +32,16 @@ function levelExtent(quarters, level) {
     return max(quarters.add(uvec2(half)).shiftRight(uvec2(level)), uvec2(1)).mul(uvec2(4));
 }
 
+/** Derivatives of triangles that are seen edge-on may be infinite, or no numbers. */
+function bounded(derivative) {
+    const held = clamp(derivative, vec2(-MAX_FOOTPRINT), vec2(MAX_FOOTPRINT)).toVar();
+    const part = (axis) => select(derivative[axis].equal(derivative[axis]), held[axis], float(0));
+    return vec2(part("x"), part("y"));
+}
+
 /** The footprint of a pixel in tile coordinates: the matrix J J^T of the derivatives, and the determinant of J. */
-function footprintOf(dx, dy) {
+function footprintOf(unboundedDx, unboundedDy) {
+    const [dx, dy] = [bounded(unboundedDx).toVar(), bounded(unboundedDy).toVar()];
     return {
         xx: dx.x.mul(dx.x).add(dy.x.mul(dy.x)).toVar(),
         xy: dx.x.mul(dx.y).add(dy.x.mul(dy.y)).toVar(),

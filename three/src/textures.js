@@ -8,7 +8,7 @@ import { FloatType, HalfFloatType, LinearFilter, NearestFilter, UnsignedByteType
 import { GlDevice } from "./webgl.js";
 import { GpuDevice } from "./webgpu.js";
 
-/** Columns of tables; the shaders know it. */
+/** Columns of tables, that of pages among them; the shaders know it. WebGL 2 promises half as many, so not every device has them. */
 const COLUMNS = 4096;
 
 /** Kinds of channel, as files number them. */
@@ -56,14 +56,25 @@ export function createTexture(device, extent, format, isFiltered) {
     return texture;
 }
 
-/** A table of items of so many numbers each, in rows of `COLUMNS` texels. */
+/** Refuses devices whose textures cannot hold any table. */
+function checkDevice({ maxSide }) {
+    if (maxSide < COLUMNS) {
+        throw new Error(`the device has textures of at most ${maxSide} x ${maxSide} texels, and a FanMesh needs ${COLUMNS} x ${COLUMNS}; show it on another device`);
+    }
+}
+
+/** A table in rows of `COLUMNS` texels. */
+function emptyTable(device, [columns, rows], format) {
+    if (rows > device.maxSide) {
+        throw new Error(`the asset has ${rows} rows of ${columns} entries in a table, and a texture of this device has ${device.maxSide} rows; bake it with larger tiles`);
+    }
+    return createTexture(device, [columns, rows], format, false);
+}
+
+/** A table of items of so many numbers each. */
 function table(device, data, numbers, format) {
     const items = Math.max(Math.ceil(data.length / numbers), 1);
-    const rows = Math.ceil(items / COLUMNS);
-    if (rows > device.maxSide) {
-        throw new Error(`the asset has ${items} entries in a table, more than a texture of this device holds; bake it with larger tiles`);
-    }
-    const texture = createTexture(device, [COLUMNS, rows], format, false);
+    const texture = emptyTable(device, [COLUMNS, Math.ceil(items / COLUMNS)], format);
     const whole = Math.floor(data.length / numbers / COLUMNS);
     if (whole > 0) texture.set(0, 0, COLUMNS, whole, data.subarray(0, whole * COLUMNS * numbers));
     const rest = data.length / numbers - whole * COLUMNS;
@@ -82,6 +93,7 @@ export class FanTextures {
      */
     constructor(renderer, { channels, tables, atlases }, wantsCompressed) {
         const device = deviceOf(renderer);
+        checkDevice(device);
         this.#device = device;
         this.renderer = renderer;
         const drawn = channels.filter(({ isDrawn }) => isDrawn);
@@ -108,7 +120,7 @@ export class FanTextures {
             const { block, plain } = FORMATS[format];
             return createTexture(device, this.extent, named(compressed && block ? block : plain, srgb), true);
         });
-        this.pages = createTexture(device, tables.pageExtent, "r32ui", false);
+        this.pages = emptyTable(device, tables.pageExtent, "r32ui");
         this.groups = table(device, tables.groups, 2, "rg32ui");
         this.means = table(device, tables.means, 4, "rgba16f");
         this.frames = table(device, tables.frames, 4, "rgba32f");

@@ -156,8 +156,7 @@ impl CameraKeyframe {
         let (eye, target, up) = (DVec3::from(self.eye), DVec3::from(self.target), DVec3::from(self.up));
         let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
         let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
-        let axes = DMat3::from_cols(right, back.cross(right), back).as_mat3();
-        let fov = self.fov_degrees.to_radians() as f32;
-        Some(StreamView::new(world_from_mesh.inverse_point(eye), axes, fov, size))
+        let axes = DMat3::from_cols(right, back.cross(right), back);
+        Some(StreamView::in_world(world_from_mesh, eye, axes, self.fov_degrees, size))
     }
 }

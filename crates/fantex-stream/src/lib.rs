@@ -39,6 +39,7 @@ mod residency;
 mod retry_timer;
 mod shape;
 mod sharing;
+mod stream_view;
 mod streamer;
 #[cfg(feature = "http")]
 mod upload;
@@ -62,6 +63,7 @@ pub use read::{open_fetched, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use retry_timer::*;
 pub use sharing::*;
+pub use stream_view::StreamView;
 pub use streamer::*;
 #[cfg(feature = "http")]
 pub use upload::{Assembled, ObjectTarget, Replace, SharedRun};

@@ -13,7 +13,6 @@ use fantex_stream::{
     AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, PageTable,
     ParcelUpload, StreamView, Streamer, StreamerOptions, open_fetched,
 };
-use glam::{DVec3, Mat3};
 use js_sys::Function;
 use wasm_bindgen::prelude::*;
 
@@ -229,10 +228,10 @@ impl FanCore {
         self.streaming = Some(Streaming { streamer, grid, words, drawn, upload_bytes, staging: Vec::new() });
     }
 
-    /// Hands over what has come, and asks for what a view needs. `view`, object space: the eye; unit vectors to the right, upwards and
-    /// backwards; half the picture's width and height at depth one; pixels per unit of length at depth one. An empty one sees nothing.
+    /// Hands over what has come, and asks for what a view needs. `view`, object space: see [`StreamView::of_numbers`]. An empty one sees
+    /// nothing.
     pub fn update(&mut self, view: &[f64], seconds: f32, sink: &Sink) {
-        let view = stream_view(view, &self.space);
+        let view = StreamView::of_numbers(&self.space.object_from_mesh, view);
         let Some(streaming) = &mut self.streaming else { return };
         let frame = FrameOptions {
             upload_bytes: streaming.upload_bytes,
@@ -322,16 +321,4 @@ impl Streaming {
             }
         }
     }
-}
-
-/// The view of [`FanCore::update`] in mesh space.
-fn stream_view(view: &[f64], space: &ObjectSpace) -> Option<StreamView> {
-    let vector = |first: usize| Some(DVec3::from_slice(view.get(first..first + 3)?));
-    let axis = |first| Some(vector(first)?.as_vec3().normalize_or_zero());
-    Some(StreamView {
-        eye: space.mesh_point(vector(0)?).as_vec3(),
-        axes: Mat3::from_cols(axis(3)?, axis(6)?, axis(9)?),
-        half_extent: [*view.get(12)? as f32, *view.get(13)? as f32],
-        focal_pixels: *view.get(14)? as f32,
-    })
 }

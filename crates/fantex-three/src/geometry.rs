@@ -3,12 +3,12 @@
 //! Plain and border triangles (see [`fantex_stream::drawing`]) get the same attributes, so that one material may draw both: a plain triangle
 //! is one that has the same tile at its three corners. They lie in runs of their own, for materials that do no more than they need.
 
-use fantex_mesh::{Mesh, OpposedTriangles, shading_normals};
+use fantex_mesh::{Mesh, OpposedTriangles, WorldFromMesh, shading_normals};
 use fantex_store::Asset;
 use fantex_stream::drawing::{
     BorderVertex, GeometryChunk, GeometrySource, MaterialRun, PlainVertex, from_octahedral, is_paged,
 };
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use wasm_bindgen::prelude::*;
 
 /// Greatest distance of a model from its file's origin, in radii, at which single precision still holds its coordinates.
@@ -39,11 +39,10 @@ pub struct FanGeometry {
     pub is_paged: bool,
 }
 
-/// Where a mesh lies in the page's object: `p_object = offset + scale * p_mesh`.
+/// Where a mesh lies in the page's object.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ObjectSpace {
-    pub(crate) scale: f64,
-    pub(crate) offset: DVec3,
+    pub(crate) object_from_mesh: WorldFromMesh,
     /// Of the object, in the file's coordinates.
     pub(crate) origin: DVec3,
 }
@@ -54,15 +53,11 @@ impl ObjectSpace {
         let space = mesh.world_from_mesh;
         let is_far = space.offset.length() > MAX_RADII_FROM_ORIGIN * space.scale;
         let origin = if is_far { space.offset } else { DVec3::ZERO };
-        Self { scale: space.scale, offset: space.offset - origin, origin }
-    }
-
-    pub(crate) fn mesh_point(&self, object: DVec3) -> DVec3 {
-        (object - self.offset) / self.scale
+        Self { object_from_mesh: WorldFromMesh { offset: space.offset - origin, ..space }, origin }
     }
 
     fn object_point(&self, mesh: [f32; 3]) -> [f32; 3] {
-        (self.offset + DVec3::from_array(mesh.map(f64::from)) * self.scale).as_vec3().to_array()
+        self.object_from_mesh.point(Vec3::from(mesh)).as_vec3().to_array()
     }
 }
 

@@ -53,7 +53,7 @@ pub(crate) use programs::FanPrograms;
 use programs::{FanPipelines, Part, Shape, Surface};
 
 use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
-use crate::{FrameContext, Gpu, Model, ModelSpace, Overlay, SurfaceKey, View};
+use crate::{FrameContext, Gpu, Model, ModelSpace, Overlay, SurfaceKey};
 
 // A fan-textured model.
 
@@ -637,6 +637,5 @@ pub fn max_anisotropy(filter: &FilterOptions) -> f32 {
 
 /// A camera's view onto `size` pixels of a model, as demand needs to know it.
 pub fn stream_view(camera: &Camera, size: [u32; 2], space: &ModelSpace) -> StreamView {
-    let view = View::new(camera, size, space);
-    StreamView::new(view.eye.as_vec3(), view.axes, view.fov_radians, view.size)
+    StreamView::in_world(&space.world_from_mesh, camera.eye, camera.axes(), camera.fov_degrees, size)
 }

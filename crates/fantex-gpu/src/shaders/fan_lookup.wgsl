@@ -63,6 +63,8 @@ const ONE_BITS = 0x3F800000;
 const PAGE_SHIFT = 8u;
 // Pages in a row of the table, log2.
 const PAGE_ROW_SHIFT = 12u;
+// Tiles along a footprint at most: MAX_FOOTPRINT (fantex-store, sampler/lookup.rs).
+const MAX_FOOTPRINT = 16384.0;
 // Texels over which a page fades into the coarser level towards a neighbour that is not resident.
 const FADE_TEXELS = 8.0;
 
@@ -114,7 +116,15 @@ struct Footprint {
     determinant: f32,
 }
 
-fn footprint(dx: vec2<f32>, dy: vec2<f32>) -> Footprint {
+// Derivatives of triangles that are seen edge-on may be infinite, or no numbers.
+fn bounded(derivative: vec2<f32>) -> vec2<f32> {
+    let held = clamp(derivative, vec2<f32>(-MAX_FOOTPRINT), vec2<f32>(MAX_FOOTPRINT));
+    return select(vec2<f32>(0.0), held, derivative == derivative);
+}
+
+fn footprint(unbounded_dx: vec2<f32>, unbounded_dy: vec2<f32>) -> Footprint {
+    let dx = bounded(unbounded_dx);
+    let dy = bounded(unbounded_dy);
     return Footprint(
         dx.x * dx.x + dy.x * dy.x,
         dx.x * dx.y + dy.x * dy.y,

@@ -173,7 +173,7 @@ fn texel_of(cell: u32, level: u32, beside: u32, side: u32) -> u32 {
     return min((cell << level) + within, side - 1u);
 }
 
-// Over the filter's box: x the weight of texels that hide the receiver, y their nearness times weight, z all weight.
+// Over the filter's box: x the weight of texels that hide the receiver, y their depth times weight, z all weight.
 fn blockers(face: u32, asked: Asked, radius: vec2<f32>) -> vec3<f32> {
     let side = u32(shadow_faces[face].resolution);
     let layer = shadow_faces[face].layer;
@@ -201,8 +201,10 @@ fn blockers(face: u32, asked: Asked, radius: vec2<f32>) -> vec3<f32> {
                 let from_middle = vec2<f32>(texel) + 0.5 - asked.at;
                 let own = max(asked.nearness + dot(asked.slope, from_middle), 0.0);
                 let nearest = textureLoad(shadow_maps, first + texel, layer, 0);
-                let hides = select(0.0, weight, nearest > own);
-                sum += vec3<f32>(hides, hides * nearest, weight);
+                if nearest > own {
+                    sum += vec3<f32>(weight, weight * depth_of(face, nearest), 0.0);
+                }
+                sum.z += weight;
             }
         }
     }
@@ -300,7 +302,7 @@ fn visibility(lamp_index: u32, at: SurfacePoint, to_light: vec3<f32>) -> f32 {
         if found.x <= 0.0 {
             return 1.0;
         }
-        let blocker = depth_of(face, found.y / found.x);
+        let blocker = found.y / found.x;
         let gap = max(asked.depth - blocker, 0.0);
         penumbra = select(width * gap, width * gap / blocker, near > 0.0) / texel;
     }

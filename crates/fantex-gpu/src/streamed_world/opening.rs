@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
+#[cfg(not(target_arch = "wasm32"))]
+use fantex_base::Error;
 use fantex_base::Result;
 use fantex_mesh::WorldFromMesh;
 use fantex_store::Asset;
@@ -35,6 +37,27 @@ pub(super) enum What {
     Whole,
     /// The coarse asset, which is small.
     Coarse,
+}
+
+#[cfg(not(target_arch = "wasm32"))]
+impl What {
+    fn failed(self, error: Error) -> OpenedDetail {
+        match self {
+            Self::Whole => OpenedDetail::Whole(Err(error)),
+            Self::Preview | Self::Coarse => OpenedDetail::Preview(Err(error)),
+        }
+    }
+
+    /// What `open` gives, be it that it panics.
+    fn opened_by(self, place: &Path, open: impl FnOnce() -> OpenedDetail) -> OpenedDetail {
+        // What it leaves half done goes with it.
+        std::panic::catch_unwind(std::panic::AssertUnwindSafe(open)).unwrap_or_else(|_| {
+            let place = place.display();
+            self.failed(Error::unavailable(format!(
+                "cannot open {place}: the program failed on it; please report the file"
+            )))
+        })
+    }
 }
 
 /// Objects, previews and coarse assets that are opened at a time.
@@ -87,7 +110,7 @@ pub(super) enum OpenedDetail {
     Whole(Result<Box<StreamedModel>>),
 }
 
-/// Begins to open something; what comes of it is sent, be it that the system refuses a thread.
+/// Begins to open something; what comes of it is sent, be it that the system refuses a thread, or that the thread panics.
 #[cfg(not(target_arch = "wasm32"))]
 pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) {
     let (gpu, place, object, what) = (Arc::clone(gpu), order.place.clone(), order.object, order.what);
@@ -98,22 +121,18 @@ pub(super) fn begin(gpu: &Arc<Gpu>, order: Order, sender: Sender<Opened>) {
             let small = asset.and_then(|asset| small(&gpu, asset, &space));
             OpenedDetail::Preview(small.map(Box::new))
         };
-        let result = match what {
+        let result = what.opened_by(&place, || match what {
             What::Whole => OpenedDetail::Whole(open_whole(&gpu, &place, &space, pool_bytes).map(Box::new)),
             What::Preview => in_memory(World::open_preview(&place)),
             What::Coarse => in_memory(World::open_coarse(&place)),
-        };
+        });
         // Whoever dropped the world does not want it.
         sender.send(Opened { object, result }).unwrap_or_default();
     };
     let thread = std::thread::Builder::new().name("fantex-object".into());
     if let Err(source) = thread.spawn(open) {
         let message = format!("cannot start a thread to open {}: {source}", place.display());
-        let error = fantex_base::Error::unavailable(message);
-        let result = match what {
-            What::Whole => OpenedDetail::Whole(Err(error)),
-            What::Preview | What::Coarse => OpenedDetail::Preview(Err(error)),
-        };
+        let result = what.failed(Error::unavailable(message));
         refused.send(Opened { object, result }).unwrap_or_default();
     }
 }
@@ -252,5 +271,17 @@ mod tests {
         assert!(opening.may_add(false, false));
         *opening.count(false) += 1;
         assert!(!opening.may_add(true, false) && !opening.may_add(false, false) && !opening.is_none());
+    }
+
+    #[test]
+    fn a_panic_is_a_failure_of_what_was_to_be_opened() {
+        let told = |what: What| match what.opened_by(Path::new("a.fan"), || panic!("on purpose")) {
+            OpenedDetail::Preview(result) => (false, result.err().unwrap().to_string()),
+            OpenedDetail::Whole(result) => (true, result.err().unwrap().to_string()),
+        };
+        let sentence = "cannot open a.fan: the program failed on it; please report the file";
+        for (what, is_whole) in [(What::Preview, false), (What::Whole, true), (What::Coarse, false)] {
+            assert_eq!(told(what), (is_whole, sentence.to_owned()));
+        }
     }
 }

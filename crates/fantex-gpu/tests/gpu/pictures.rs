@@ -33,15 +33,35 @@ fn forest() -> EnvironmentLight {
 /// A ball over a floor that is lit from above.
 fn ball_on_floor() -> Mesh {
     let ball = generate::uv_sphere(48, 32);
-    let mut positions = ball.positions.clone();
-    let mut triangles = ball.triangles.clone();
-    let first = positions.len() as u32;
-    positions.extend(
-        [[-3.0, -1.2, -3.0], [3.0, -1.2, -3.0], [3.0, -1.2, 3.0], [-3.0, -1.2, 3.0]].map(DVec3::from_array),
-    );
-    triangles.extend([[first, first + 2, first + 1], [first, first + 3, first + 2]]);
+    with_plates(&ball, &[Plate { height: -1.2, x: [-3.0, 3.0], z: [-3.0, 3.0] }])
+}
+
+/// A rectangle that faces upwards.
+struct Plate {
+    height: f64,
+    x: [f64; 2],
+    z: [f64; 2],
+}
+
+/// A model, or an empty one, and plates.
+fn with_plates(model: &Model, plates: &[Plate]) -> Mesh {
+    let (mut positions, mut triangles) = (model.positions.clone(), model.triangles.clone());
+    for &Plate { height, x: [left, right], z: [back, front] } in plates {
+        let first = positions.len() as u32;
+        let corners = [[left, back], [right, back], [right, front], [left, front]];
+        positions.extend(corners.map(|[x, z]| DVec3::new(x, height, z)));
+        triangles.extend([[first, first + 2, first + 1], [first, first + 3, first + 2]]);
+    }
     let model = Model { positions, triangles, materials: vec![Material::default()], ..Model::default() };
     clean(model, &CleanOptions::default()).unwrap().0
+}
+
+/// A floor at depth 4 below a lamp, seen through a slit between a plate at depth 1 and one at depth 3.
+fn slit_over_floor() -> Mesh {
+    let floor = Plate { height: 0.0, x: [-2.0, 2.0], z: [-2.0, 2.0] };
+    let upper = Plate { height: 3.0, x: [-0.4, -0.06], z: [-0.3, 0.3] };
+    let lower = Plate { height: 1.0, x: [0.18, 1.2], z: [-0.9, 0.9] };
+    with_plates(&Model::default(), &[floor, upper, lower])
 }
 
 fn lit_by(kind: LightKind, shadow: Option<ShadowOptions>) -> Lights {
@@ -294,6 +314,32 @@ fn wide_penumbrae_and_coarse_cubes() {
         let shadow = ShadowOptions { resolution, softness, lamp_radius, ..ShadowOptions::default() };
         let scene = Scene { lights: lit_by(kind.clone(), Some(shadow)), ..Scene::of(mesh.clone()) };
         scene.compare(&gpu, &format!("shadow-wide-{name}")).assert_below(0.05, 8, 0.002);
+    }
+}
+
+/// Blockers at several depths within one search: their mean depth is that of depths, not of what the map stores.
+#[test]
+fn penumbrae_behind_blockers_at_different_heights() {
+    let Some(gpu) = gpu() else { return };
+    let position = DVec3::new(0.0, 4.0, 0.0);
+    let spot = SpotLight {
+        position,
+        direction: Vec3::NEG_Y,
+        inner_degrees: 30.0,
+        outer_degrees: 40.0,
+        falloff: Falloff::None,
+    };
+    let lamps = [
+        ("point", LightKind::Point { position, falloff: Falloff::None }),
+        ("spot", LightKind::Spot(spot)),
+        ("sun", LightKind::Directional { to_light: Vec3::new(-0.05, 1.0, 0.0) }),
+    ];
+    let mesh = slit_over_floor();
+    for (name, kind) in lamps {
+        let shadow = ShadowOptions { resolution: 1024, lamp_radius: Some(0.4), ..ShadowOptions::default() };
+        let camera = Camera::framing_mesh(&mesh, DVec3::new(-0.4, 0.7, 1.0), 4.0 / 3.0);
+        let scene = Scene { camera, lights: lit_by(kind, Some(shadow)), ..Scene::of(mesh.clone()) };
+        scene.compare(&gpu, &format!("shadow-slit-{name}")).assert_below(0.05, 8, 0.002);
     }
 }
 

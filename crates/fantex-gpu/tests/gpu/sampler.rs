@@ -299,3 +299,42 @@ fn branches_make_no_difference_where_pages_are_missing() {
         assert_same(&plain, &branched, &format!("{filter:?}"));
     }
 }
+
+/// Triangles that are seen edge-on have such footprints.
+#[test]
+fn derivatives_without_bounds_are_held_as_the_sampler_holds_them() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random::new(31);
+    let mesh = cleaned(generate::icosphere(3));
+    let budget = TexelBudget::Total(1 << 18);
+    let (cover, _) = build_cover(&mesh, &CoverOptions { tile: 64, budget, ..Default::default() }).unwrap();
+    let options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
+    let baked = Baked::new(&mesh, &cover, &Noise, &options);
+    let table = PageTable::new(&cover);
+    let formats = FanModel::atlas_formats(&gpu, baked.channels());
+    for filter in [Filter::Trilinear, Filter::Anisotropic] {
+        let options = FilterOptions { filter, max_anisotropy: 8.0 };
+        let sampler = Sampler::of_cache(baked.cache(), options);
+        let mut fan = model(&gpu, &baked, &table, &formats);
+        upload(&gpu, &mut fan, baked.asset(), &table, &Residents::all());
+        fan.set_filter(&gpu, &options);
+        let factors = [[1e15, 1e15], [1e25, 1.0], [f32::INFINITY, f32::INFINITY], [f32::NAN, f32::NAN]];
+        let query = |[x, y]: [f32; 2]| {
+            let mut query = random_query(&mut random, sampler.mesh());
+            let [dx, dy] = query.footprint.lambda_steps;
+            query.footprint.lambda_steps = [dx * x, dy * y];
+            query
+        };
+        let queries: Vec<Query> = factors.into_iter().cycle().take(256).map(query).collect();
+        let seen = on_gpu(&gpu, &fan, &sampler, (filter, false), &queries);
+        for (kind, seen) in Noise.channels().into_iter().map(|channel| channel.kind).zip(seen) {
+            let tolerance = if kind == ChannelKind::Normal { NORMAL_TOLERANCE } else { TOLERANCE };
+            for (query, seen) in queries.iter().zip(seen) {
+                let expected = sampler.sample(kind, query.point, query.footprint).unwrap();
+                let difference = (seen.xyz() - expected.xyz()).abs().max_element();
+                let steps = query.footprint.lambda_steps;
+                assert!(difference < tolerance, "{filter:?} {kind}: {seen} and {expected}, {steps:?}");
+            }
+        }
+    }
+}

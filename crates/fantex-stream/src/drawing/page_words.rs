@@ -17,7 +17,7 @@ use super::AtlasGrid;
 use super::geometry::is_paged;
 use crate::{PageTable, TableChange};
 
-/// Columns of the texture, as a binary logarithm; also in `fan_lookup.wgsl`. Every device has textures as wide.
+/// Columns of the texture, as a binary logarithm; also in `fan_lookup.wgsl`. Every device of WebGPU has textures as wide.
 pub const PAGE_ROW_SHIFT: u32 = 12;
 
 /// Where the number of levels stands in a word.

@@ -16,11 +16,13 @@ pub fn group_records(cover: &Cover, pages: &PageTable) -> Vec<[u32; 2]> {
     records.collect()
 }
 
-/// Per group and channel its mean, linear RGBA. `mean` gives that of a channel and group.
+/// Per group and channel its mean, linear RGBA, as far as half floats go. `mean` gives that of a channel and group.
 pub fn mean_records(groups: usize, channels: usize, mean: impl Fn(usize, u32) -> [f32; 4]) -> Vec<[f16; 4]> {
+    let limit = f32::from(f16::MAX);
     let of_group = |group| {
         let mean = &mean;
-        (0..channels).map(move |channel| mean(channel, group).map(f16::from_f32))
+        let half = move |x: f32| f16::from_f32(x.clamp(-limit, limit));
+        (0..channels).map(move |channel| mean(channel, group).map(half))
     };
     (0..groups as u32).flat_map(of_group).collect()
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
 mod demand;
+mod drawing;
 #[cfg(feature = "http")]
 mod http;
 mod retries;

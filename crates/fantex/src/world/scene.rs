@@ -79,7 +79,8 @@ impl WorldScene {
         memory_bytes: u64,
     ) -> Result<Self> {
         let space = world.space_to_show(index)?;
-        let (view, shapes) = (stream_view(camera, size, &space), view_objects(world, &space)?);
+        let view = StreamView::in_world(&space, camera.eye, camera.axes(), camera.fov_degrees, size);
+        let shapes = view_objects(world, &space)?;
         let choice = choose_objects(&shapes, &view, memory_bytes / 2, &[]);
         let wanted = choose_objects(&shapes, &view, u64::MAX, &[]);
         let drawn: Vec<(usize, ObjectDetail)> = choice.drawn(&shapes).collect();
@@ -150,12 +151,6 @@ fn missing(shapes: &[ViewObject], details: &[ObjectDetail], wanted: &[ObjectDeta
     }
     let all = details.iter().zip(wanted).zip(is_covered);
     all.filter(|((detail, wanted), is_covered)| detail < wanted && !is_covered).count()
-}
-
-/// A camera's view of the space that objects share.
-fn stream_view(camera: &Camera, size: [u32; 2], space: &WorldFromMesh) -> StreamView {
-    let (eye, axes) = (space.inverse_point(camera.eye), camera.axes().as_mat3());
-    StreamView::new(eye, axes, camera.fov_degrees.to_radians() as f32, size)
 }
 
 /// The surfaces of a world's objects and coarse assets, each for its triangles.
