@@ -665,7 +665,7 @@ mod tests {
     /// Teeth of different lengths, each with slabs of its own.
     #[test]
     fn long_combs_are_cut_exactly() {
-        let teeth = 2000;
+        let teeth = 1000;
         let at = |i: i32, y: f64| DVec2::new(f64::from(i) / f64::from(2 * teeth), y);
         let tooth = |i: i32| {
             let share = |k: i32| f64::from(k % teeth) / f64::from(teeth);
