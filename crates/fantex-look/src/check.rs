@@ -93,7 +93,7 @@ impl<'s> Checker<'s> {
     }
 
     fn value(&mut self, schema: &'s Value, place: &Place<'_, '_>) -> Checked {
-        let schema = self.target(schema);
+        let schema = target(schema, self.schema);
         if let Some(alternatives) = alternatives(schema) {
             return self.alternatives(schema, alternatives, place);
         }
@@ -112,11 +112,6 @@ impl<'s> Checker<'s> {
         }
     }
 
-    fn target(&self, schema: &'s Value) -> &'s Value {
-        let name = schema.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
-        name.and_then(|name| self.schema.get("$defs")?.get(name)).unwrap_or(schema)
-    }
-
     fn alternatives(
         &mut self,
         schema: &'s Value,
@@ -124,7 +119,7 @@ impl<'s> Checker<'s> {
         place: &Place<'_, '_>,
     ) -> Checked {
         let fitting: Vec<&Value> =
-            alternatives.iter().map(|a| self.target(a)).filter(|a| fits(a, place.value)).collect();
+            alternatives.iter().map(|a| target(a, self.schema)).filter(|a| fits(a, place.value)).collect();
         let Some(&first) = fitting.first() else {
             let expected = schema.get("title").and_then(Value::as_str);
             let expected = expected.map_or_else(|| self.phrases(alternatives), str::to_owned);
@@ -144,7 +139,7 @@ impl<'s> Checker<'s> {
     }
 
     fn phrases(&self, alternatives: &'s [Value]) -> String {
-        let phrases: Vec<String> = alternatives.iter().map(|a| phrase(self.target(a))).collect();
+        let phrases: Vec<String> = alternatives.iter().map(|a| phrase(target(a, self.schema))).collect();
         phrases.join(" or ")
     }
 
@@ -247,6 +242,12 @@ impl<'s> Checker<'s> {
         self.references.push(Reference { key, span, kind, name: name.to_owned() });
         Ok(())
     }
+}
+
+/// What a schema refers to in the definitions of the whole one; else itself.
+pub(crate) fn target<'s>(schema: &'s Value, root: &'s Value) -> &'s Value {
+    let name = schema.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
+    name.and_then(|name| root.get("$defs")?.get(name)).unwrap_or(schema)
 }
 
 fn alternatives(schema: &Value) -> Option<&[Value]> {

@@ -14,7 +14,7 @@ use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
-use crate::check::{Checked, Checker, LookNumber, Mistake, Reference, ReferenceKind, look_schema};
+use crate::check::{Checked, Checker, LookNumber, Mistake, Reference, ReferenceKind, look_schema, target};
 use crate::data::{FileName, Look};
 use crate::problem;
 
@@ -449,11 +449,6 @@ fn without_defaults(value: &mut Value, schema: &Value, root: &Value) {
         }
         _ => {}
     }
-}
-
-fn target<'s>(schema: &'s Value, root: &'s Value) -> &'s Value {
-    let name = schema.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
-    name.and_then(|name| root.get("$defs")?.get(name)).unwrap_or(schema)
 }
 
 /// The alternative of a schema whose fixed texts a table has.

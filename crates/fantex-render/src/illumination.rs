@@ -3,7 +3,8 @@
 use fantex_base::Result;
 use fantex_mesh::Mesh;
 use fantex_scene::{
-    AmbientLight, Cookie, Falloff, LampView, Light, LightKind, Lights, Projector, SpotLight, projector_view,
+    AmbientLight, ConeFalloff, Cookie, Falloff, LampView, Light, LightKind, Lights, Projector, SpotLight,
+    projector_view,
 };
 use glam::{DVec3, Vec2, Vec3};
 
@@ -63,7 +64,7 @@ enum Source<'a> {
     Spot {
         position: Vec3,
         light: &'a SpotLight,
-        cosines: [f32; 2],
+        cone: ConeFalloff,
     },
     Projector {
         view: LampView,
@@ -193,11 +194,9 @@ impl<'a> Source<'a> {
             LightKind::Point { position, falloff } => {
                 Self::Point { position: placed(*position), falloff: *falloff }
             }
-            LightKind::Spot(light) => Self::Spot {
-                position: placed(light.position),
-                light,
-                cosines: [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos()),
-            },
+            LightKind::Spot(light) => {
+                Self::Spot { position: placed(light.position), light, cone: light.cone() }
+            }
             LightKind::Projector(projector) => {
                 Self::Projector { view: projector_view(projector, &mesh.world_from_mesh), projector }
             }
@@ -217,12 +216,10 @@ impl<'a> Source<'a> {
                 let (to_light, distance) = towards(*position);
                 Some((to_light, Vec3::splat(falloff.factor(distance))))
             }
-            Self::Spot { position, light, cosines: [inner, outer] } => {
+            Self::Spot { position, light, cone } => {
                 let (to_light, distance) = towards(*position);
                 let cosine = -to_light.dot(light.direction.normalize_or(Vec3::NEG_Y));
-                // As KHR_lights_punctual: the square of a linear ramp of the cosine.
-                let share = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
-                let factor = share * share * light.falloff.factor(distance);
+                let factor = cone.share(cosine) * light.falloff.factor(distance);
                 (factor > 0.0).then_some((to_light, Vec3::splat(factor)))
             }
             Self::Projector { view, projector } => {

@@ -20,8 +20,8 @@ pub use camera::{Camera, Framed, Projection, maxima_of, view_axes, world_bounds}
 pub use fantex_texture::FilterOptions;
 pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
 pub use light::{
-    AmbientLight, Cookie, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, MirrorView, Penumbra,
-    Projector, ShadowOptions, SpotLight,
+    AmbientLight, ConeFalloff, Cookie, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, MirrorView,
+    Penumbra, Projector, ShadowOptions, SpotLight,
 };
 pub use picture::{Background, Glow, Picture, ToneMap, luminance};
 pub use rig::{CameraRig, SceneScale};

@@ -207,7 +207,39 @@ fn place_defect(position: DVec3, falloff: &Falloff) -> Option<&'static str> {
     }
 }
 
+/// How the light of a spot fades across its cone, by the cosine of the angle to the axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConeFalloff {
+    /// There is no light below.
+    pub cosine_outer: f32,
+    /// From there to the full light.
+    pub cosine_range: f32,
+}
+
+impl ConeFalloff {
+    /// Narrower ramps of the cosine are as wide as this: few steps of single precision.
+    const MIN_RANGE: f32 = 1e-6;
+
+    /// Between the borders of the full light and of all light, as angles to the axis.
+    pub fn new(inner_degrees: f32, outer_degrees: f32) -> Self {
+        let [inner, outer] = [inner_degrees, outer_degrees].map(|angle| angle.to_radians().cos());
+        Self { cosine_outer: outer, cosine_range: (inner - outer).max(Self::MIN_RANGE) }
+    }
+
+    /// The share of the light at an angle of this cosine: as KHR_lights_punctual has it, the square of a linear ramp.
+    #[inline]
+    pub fn share(&self, cosine: f32) -> f32 {
+        let ramp = ((cosine - self.cosine_outer) / self.cosine_range).clamp(0.0, 1.0);
+        ramp * ramp
+    }
+}
+
 impl SpotLight {
+    /// How its light fades across the cone.
+    pub fn cone(&self) -> ConeFalloff {
+        ConeFalloff::new(self.inner_degrees, self.outer_degrees)
+    }
+
     fn defect(&self) -> Option<&'static str> {
         let Self { position, direction, inner_degrees, outer_degrees, falloff } = self;
         if !(direction.is_finite() && *direction != Vec3::ZERO) {
@@ -478,5 +510,23 @@ impl AmbientLight {
             }
             None => self.radiance_from(view.direction.lerp(view.normal, alpha).normalize_or(view.normal)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn narrow_cones_have_their_full_light_on_the_axis() {
+        for (inner, outer) in [(0.0, 0.1), (0.0, 0.5), (0.0, 0.81), (0.3, 0.3), (15.0, 20.0), (0.0, 90.0)] {
+            let cone = ConeFalloff::new(inner, outer);
+            assert_eq!(cone.share(1.0), 1.0, "{inner} {outer}");
+            assert_eq!(cone.share((outer * 1.1).to_radians().cos()), 0.0, "{inner} {outer}");
+        }
+        // The square of the ramp, in double precision.
+        let [inner, outer, at] = [0.0, 0.5, 0.3].map(|angle: f64| angle.to_radians().cos());
+        let expected = ((at - outer) / (inner - outer)).powi(2);
+        assert!((f64::from(ConeFalloff::new(0.0, 0.5).share(at as f32)) - expected).abs() < 5e-3);
     }
 }

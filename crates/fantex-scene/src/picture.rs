@@ -84,7 +84,7 @@ parameters! {
         /// Share of the light that is spread.
         #[schemars(range(min = 0, max = 100))]
         pub strength: f32 = 0.5,
-        /// Light above which a surface glows by itself, the excess only; emission always does.
+        /// Light above which the picture glows, the excess only. Without it only emission glows, all of it.
         #[schemars(range(min = 0))]
         pub threshold: Option<f32> = None,
     }

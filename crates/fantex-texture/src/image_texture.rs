@@ -3,7 +3,8 @@
 //! Level 0 is the image as it was given (bytes stay bytes); the coarser levels are described in `filter/mipmap.rs`. With all
 //! levels, an RGB image takes 5 bytes per texel (16 as floats), an RGBA image 6.7.
 //!
-//! Nanoseconds per look-up on one core at about 2.5 GHz (`tests/texture/speed.rs`, slanted walk over 2048x2048 texels):
+//! Nanoseconds per look-up on one core at about 2.5 GHz (`examples/texture_speed.rs` of `fantex-bench`, slanted walk over
+//! 2048x2048 texels):
 //!
 //! | look-up | RGB bytes | RGBA bytes | RGB floats |
 //! |---|---|---|---|

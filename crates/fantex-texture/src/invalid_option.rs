@@ -1,6 +1,7 @@
 //! Checks of all options that are plain numbers.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use fantex_base::{Error, Result};
 
@@ -34,6 +35,15 @@ impl fmt::Display for Allowed {
             Self::Share => "between 0 and 1",
         })
     }
+}
+
+/// Checks a number that lies between two others.
+pub(crate) fn check_within(owner: &str, field: &str, value: f32, range: RangeInclusive<f32>) -> Result<()> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let (low, high) = range.into_inner();
+    Err(Error::invalid(format!("{field} of {owner} is {value}; it must be between {low} and {high}")))
 }
 
 impl Allowed {

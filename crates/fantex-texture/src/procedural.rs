@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 use fantex_base::parameters;
 use glam::{Vec3, Vec4};
 
+use crate::invalid_option::check_within;
 use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily};
 use crate::{Allowed, Dependence, List3, ShadingPoint, Texture};
 
@@ -60,11 +61,14 @@ impl NoiseOptions {
     /// # Errors
     /// A number is out of its range.
     pub fn check(&self) -> fantex_base::Result<()> {
+        check_within("a noise", "octaves", self.octaves as f32, 1.0..=24.0)?;
+        check_within("a noise", "lacunarity", self.lacunarity, 1.01..=16.0)?;
+        check_within("a noise", "gain", self.gain, 0.0..=1.0)?;
         Allowed::Positive.check("a noise", "cell", &[self.cell])?;
         Allowed::Finite.check("a noise", "warp", &[self.warp])?;
         Allowed::Finite.check("a noise", "amplitude", &[self.amplitude])?;
         Allowed::Finite.check("a noise", "offset", &[self.offset])?;
-        Allowed::Finite.check("a noise", "speed", &[self.evolve])
+        Allowed::Finite.check("a noise", "evolve", &[self.evolve])
     }
 }
 
@@ -177,4 +181,44 @@ impl Texture for Sines {
 /// `sin(x) / x`.
 fn sinc(x: f32) -> f32 {
     if x.abs() < 1e-3 { 1.0 - x * x / 6.0 } else { x.sin() / x }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The numbers next to the ends of a range, the first and the last of which lie outside.
+    fn around(schema: &schemars::Schema, name: &str) -> [f32; 4] {
+        let limit = |end: &str| schema.pointer(&format!("/properties/{name}/{end}"))?.as_f64();
+        let [low, high] = ["minimum", "maximum"].map(|end| limit(end).unwrap() as f32);
+        match name {
+            "octaves" => [low - 1.0, low, high, high + 1.0],
+            _ => [low.next_down(), low, high, high.next_up()],
+        }
+    }
+
+    #[test]
+    fn options_are_checked_as_the_schema_has_them() {
+        let schema = schemars::schema_for!(NoiseOptions);
+        let default = NoiseOptions::default();
+        let with = |name: &str, value: f32| match name {
+            "octaves" => NoiseOptions { octaves: value as u32, ..default },
+            "lacunarity" => NoiseOptions { lacunarity: value, ..default },
+            _ => NoiseOptions { gain: value, ..default },
+        };
+        for name in ["octaves", "lacunarity", "gain"] {
+            let [below, low, high, above] = around(&schema, name);
+            for value in [low, high] {
+                with(name, value).check().unwrap();
+            }
+            for value in [below, above] {
+                let error = with(name, value).check().unwrap_err().to_string();
+                let expected = format!("{name} of a noise is {value}; it must be between {low} and {high}");
+                assert_eq!(error, expected);
+            }
+        }
+        assert!(with("gain", f32::NAN).check().is_err());
+        let error = NoiseOptions { evolve: f32::INFINITY, ..default }.check().unwrap_err().to_string();
+        assert!(error.starts_with("evolve of a noise is inf"), "{error}");
+    }
 }

@@ -5,12 +5,15 @@
 //! Catmull, "A hidden-surface algorithm with anti-aliasing", 1978), which is anti-aliasing without a resolution.
 //!
 //! ```text
-//!  polygons --trapezoids--> convex pieces, topmost first --grid--.
+//!  polygons --trapezoids--> convex pieces, topmost first --boxes--.
 //!  uv, footprint --> parallelogram --carve out each piece that lies in it--> share of each polygon; the rest: base
 //! ```
 //!
 //! A [`SurfaceDetail`] lives in the plane of texture coordinates. As a texture among others it is a [`PolygonsTexture`].
 
+use std::collections::HashSet;
+
+use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 use glam::{DVec2, UVec2, Vec2, Vec4};
 
@@ -69,6 +72,15 @@ const DEEPEST: u32 = 12;
 /// Coordinates that are accepted.
 const FARTHEST: f32 = 1e6;
 
+/// Bytes of what is made of a corner. A polygon has about as many pieces as corners: each has its owner and its place in a leaf, lists may be
+/// twice as long while they grow, and there are as many boxes at most.
+const BYTES_PER_CORNER: u64 =
+    2 * (size_of::<Piece>() + 4) as u64 + 4 + size_of::<[DVec2; 2]>() as u64 + 2 * size_of::<Node>() as u64;
+
+fn corner_count(polygon: &DetailPolygon) -> usize {
+    polygon.outlines.iter().map(Vec::len).sum()
+}
+
 /// Polygons attached to a base, ready to be looked up.
 #[derive(Clone, Debug, Default)]
 pub struct SurfaceDetail {
@@ -76,15 +88,20 @@ pub struct SurfaceDetail {
     pieces: Vec<Piece>,
     owners: Vec<u32>,
     materials: Vec<u32>,
-    grid: Grid,
+    boxes: BoxTree,
+    /// In the budget for input.
+    _held: Option<Held>,
 }
 
 impl SurfaceDetail {
     /// Prepares polygons. Outlines without area are allowed and cover nothing.
     ///
     /// # Errors
-    /// An outline with too few corners, a coordinate out of range, or outlines that cross.
+    /// An outline with too few corners, a coordinate out of range, outlines that cross, or more corners than memory is left for.
     pub fn new(polygons: &[DetailPolygon]) -> Result<Self> {
+        let corners: usize = polygons.iter().map(corner_count).sum();
+        let what = format_args!("detail polygons with {corners} corners");
+        let held = input::reserve(what, BYTES_PER_CORNER * corners as u64)?;
         let mut order: Vec<usize> = (0..polygons.len()).collect();
         order.sort_by_key(|&p| std::cmp::Reverse((polygons[p].priority, p)));
         let (mut pieces, mut owners) = (Vec::new(), Vec::new());
@@ -98,8 +115,9 @@ impl SurfaceDetail {
             owners.extend(std::iter::repeat_n(polygon as u32, own.len()));
             pieces.extend(own);
         }
-        let grid = Grid::new(&pieces);
-        Ok(Self { pieces, owners, materials: polygons.iter().map(|p| p.material).collect(), grid })
+        let boxes = BoxTree::new(&pieces);
+        let materials = polygons.iter().map(|p| p.material).collect();
+        Ok(Self { pieces, owners, materials, boxes, _held: Some(held) })
     }
 
     /// The shares of details in the parallelogram around `uv` whose sides are `footprint`. Without area it is the point `uv`.
@@ -145,7 +163,7 @@ impl SurfaceDetail {
         let p = uv.as_dvec2();
         let holds =
             |piece: &Piece| (0..4).all(|k| (piece[(k + 1) % 4] - piece[k]).perp_dot(p - piece[k]) >= 0.0);
-        let candidates = self.grid.pieces_in([p, p]);
+        let candidates = self.boxes.pieces_in([p, p]);
         let piece = candidates.into_iter().find(|&i| holds(&self.pieces[i as usize]))?;
         Some(self.owners[piece as usize])
     }
@@ -165,7 +183,7 @@ impl SurfaceDetail {
     fn add_areas(&self, corner: DVec2, [side, other]: [DVec2; 2], depth: u32, areas: &mut Vec<(u32, f64)>) {
         let parallelogram = [corner, corner + side, corner + side + other, corner + other];
         let box_of_all = bounds(&parallelogram);
-        let mut near = self.grid.pieces_in(box_of_all);
+        let mut near = self.boxes.pieces_in(box_of_all);
         near.retain(|&i| touch(bounds(&self.pieces[i as usize]), box_of_all));
         let half_box = 0.5 * (box_of_all[1] - box_of_all[0]);
         let is_small = |&&i: &&u32| {
@@ -286,79 +304,80 @@ fn carve(convex: Convex, piece: &[DVec2; 4], outside: &mut Vec<Convex>) -> Conve
     inside
 }
 
-// ---- Which pieces may lie in a rectangle: a grid of cells over all of them.
-
-/// About as many cells as pieces, each with the pieces whose boxes touch it (compressed rows).
-#[derive(Clone, Debug, Default)]
-struct Grid {
-    low: DVec2,
-    /// Cells per unit.
-    scale: DVec2,
-    columns: usize,
-    rows: usize,
-    starts: Vec<u32>,
-    pieces: Vec<u32>,
-}
+// ---- Which pieces may lie in a rectangle: a tree of boxes, as large as there are pieces, however they overlap.
 
 fn bounds(points: &[DVec2]) -> [DVec2; 2] {
     points.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
 }
 
-impl Grid {
+/// Most pieces of a box that is not halved.
+const LEAF_PIECES: usize = 4;
+
+/// Boxes around pieces: each before those that it consists of.
+#[derive(Clone, Debug, Default)]
+struct BoxTree {
+    nodes: Vec<Node>,
+    /// In the order of the leaves.
+    pieces: Vec<u32>,
+}
+
+#[derive(Clone, Debug)]
+struct Node {
+    bounds: [DVec2; 2],
+    /// The node after all of this one's parts.
+    next: u32,
+    /// Of [`BoxTree::pieces`]; none where the box has parts.
+    first_piece: u32,
+    piece_count: u32,
+}
+
+impl BoxTree {
     fn new(pieces: &[Piece]) -> Self {
-        if pieces.is_empty() {
-            return Self::default();
+        let boxes: Vec<[DVec2; 2]> = pieces.iter().map(|piece| bounds(piece)).collect();
+        let mut order: Vec<u32> = (0..pieces.len() as u32).collect();
+        let mut tree = Self::default();
+        if !order.is_empty() {
+            tree.add(&boxes, &mut order, 0);
         }
-        let all: Vec<DVec2> = pieces.iter().flatten().copied().collect();
-        let [low, high] = bounds(&all);
-        let size = (high - low).max(DVec2::splat(1e-12));
-        // Cells are about square.
-        let cell = (size.x * size.y / pieces.len() as f64).sqrt();
-        let along = |length: f64| ((length / cell).ceil() as usize).clamp(1, 4096);
-        let (columns, rows) = (along(size.x), along(size.y));
-        let scale = DVec2::new(columns as f64, rows as f64) / size;
-        let mut grid =
-            Self { low, scale, columns, rows, starts: vec![0; columns * rows + 1], pieces: Vec::new() };
-        for piece in pieces {
-            grid.cells(bounds(piece)).for_each(|cell| grid.starts[cell + 1] += 1);
-        }
-        for cell in 0..columns * rows {
-            grid.starts[cell + 1] += grid.starts[cell];
-        }
-        let mut next = grid.starts.clone();
-        grid.pieces = vec![0; next[columns * rows] as usize];
-        for (index, piece) in (0..).zip(pieces) {
-            for cell in grid.cells(bounds(piece)) {
-                grid.pieces[next[cell] as usize] = index;
-                next[cell] += 1;
-            }
-        }
-        grid
+        Self { pieces: order, ..tree }
     }
 
-    /// Numbers of the cells that a box touches.
-    fn cells(&self, [low, high]: [DVec2; 2]) -> impl Iterator<Item = usize> + use<> {
-        let (columns, rows) = (self.columns, self.rows);
-        let cell = |p: DVec2| ((p - self.low) * self.scale).floor();
-        let (first, last) = (cell(low), cell(high));
-        let outside = last.x < 0.0 || last.y < 0.0 || first.x > columns as f64 || first.y > rows as f64;
-        let range = move |first: f64, last: f64, count: usize| {
-            let most = count.saturating_sub(1);
-            if outside || count == 0 {
-                return 0..0;
-            }
-            (first.max(0.0) as usize).min(most)..(last.max(0.0) as usize).min(most) + 1
-        };
-        let column_range = range(first.x, last.x, columns);
-        range(first.y, last.y, rows).flat_map(move |row| column_range.clone().map(move |c| row * columns + c))
+    /// Adds a node for pieces, the first of which comes after so many.
+    fn add(&mut self, boxes: &[[DVec2; 2]], pieces: &mut [u32], first_piece: u32) {
+        let boxes_of = || pieces.iter().map(|&piece| boxes[piece as usize]);
+        let corners: Vec<DVec2> = boxes_of().flatten().collect();
+        let middles: Vec<DVec2> = boxes_of().map(|[low, high]| low + high).collect();
+        let [low, high] = bounds(&middles);
+        let node = self.nodes.len();
+        let is_leaf = pieces.len() <= LEAF_PIECES;
+        let piece_count = if is_leaf { pieces.len() as u32 } else { 0 };
+        self.nodes.push(Node { bounds: bounds(&corners), next: 0, first_piece, piece_count });
+        if !is_leaf {
+            drop((corners, middles));
+            let axis = usize::from(high.y - low.y > high.x - low.x);
+            let middle = |piece: u32| boxes[piece as usize].map(|corner| corner[axis]).iter().sum::<f64>();
+            let half = pieces.len() / 2;
+            pieces.select_nth_unstable_by(half, |&a, &b| middle(a).total_cmp(&middle(b)).then(a.cmp(&b)));
+            let (left, right) = pieces.split_at_mut(half);
+            self.add(boxes, left, first_piece);
+            self.add(boxes, right, first_piece + half as u32);
+        }
+        self.nodes[node].next = self.nodes.len() as u32;
     }
 
-    /// The pieces whose cells a box touches, each once.
+    /// Ascending numbers of some pieces, among them all whose boxes touch a box.
     fn pieces_in(&self, bounds: [DVec2; 2]) -> Vec<u32> {
-        let of_cell = |cell: usize| &self.pieces[self.starts[cell] as usize..self.starts[cell + 1] as usize];
-        let mut found: Vec<u32> = self.cells(bounds).flat_map(of_cell).copied().collect();
+        let (mut found, mut index) = (Vec::new(), 0);
+        while let Some(node) = self.nodes.get(index as usize) {
+            if touch(node.bounds, bounds) {
+                let first = node.first_piece as usize;
+                found.extend_from_slice(&self.pieces[first..first + node.piece_count as usize]);
+                index += 1;
+            } else {
+                index = node.next;
+            }
+        }
         found.sort_unstable();
-        found.dedup();
         found
     }
 }
@@ -400,7 +419,8 @@ impl PolygonsTexture {
             true => {
                 // Mistakes are told by the polygons' own numbers.
                 SurfaceDetail::new(polygons)?;
-                SurfaceDetail::new(&with_neighbours(polygons)?)?
+                let _held = input::reserve("copies of detail polygons", bytes_of_neighbours(polygons)?)?;
+                SurfaceDetail::new(&with_neighbours(polygons))?
             }
         };
         Ok(Self { detail, colors, base, coordinates, matrix, repeats })
@@ -435,31 +455,48 @@ const REACH: [f32; 2] = [-0.5, 1.5];
 /// Most copies of one polygon that is repeated.
 const MAX_COPIES: f32 = 10_000.0;
 
-/// Each polygon shifted by all integers that bring it within [`REACH`].
+/// The first shift that brings a polygon within [`REACH`], and the columns and rows of all of them.
+fn shifts(polygon: &DetailPolygon) -> (Vec2, [f32; 2]) {
+    let corners = || polygon.outlines.iter().flatten().copied();
+    let low = corners().reduce(Vec2::min).unwrap_or_default();
+    let high = corners().reduce(Vec2::max).unwrap_or_default();
+    let first = (REACH[0] - high).ceil();
+    (first, ((REACH[1] - low).floor() - first + 1.0).to_array())
+}
+
+/// Of what [`with_neighbours`] makes.
 ///
 /// # Errors
-/// Those of one polygon would be more than [`MAX_COPIES`].
-fn with_neighbours(polygons: &[DetailPolygon]) -> Result<Vec<DetailPolygon>> {
-    let shifted = |polygon: &DetailPolygon, shift: Vec2| {
-        let outlines = polygon.outlines.iter().map(|outline| outline.iter().map(|&corner| corner + shift));
-        DetailPolygon { outlines: outlines.map(Iterator::collect).collect(), ..polygon.clone() }
-    };
-    let mut all = Vec::new();
+/// The copies of one polygon would be more than [`MAX_COPIES`].
+fn bytes_of_neighbours(polygons: &[DetailPolygon]) -> Result<u64> {
+    let mut bytes = 0;
     for (index, polygon) in polygons.iter().enumerate() {
-        let corners = || polygon.outlines.iter().flatten().copied();
-        let low = corners().reduce(Vec2::min).unwrap_or_default();
-        let high = corners().reduce(Vec2::max).unwrap_or_default();
-        let first = (REACH[0] - high).ceil();
-        let [columns, rows] = ((REACH[1] - low).floor() - first + 1.0).to_array();
+        let (_, [columns, rows]) = shifts(polygon);
         if columns * rows > MAX_COPIES {
             return Err(Error::malformed(format!(
                 "detail polygon {index} is so long that {columns} x {rows} copies of it would repeat it; one polygon has at most {MAX_COPIES}"
             )));
         }
+        let outlines = polygon.outlines.len() * size_of::<Vec<Vec2>>();
+        let copy = size_of::<DetailPolygon>() + outlines + corner_count(polygon) * size_of::<Vec2>();
+        bytes += columns as u64 * rows as u64 * copy as u64;
+    }
+    Ok(bytes)
+}
+
+/// Each polygon shifted by all integers that bring it within [`REACH`].
+fn with_neighbours(polygons: &[DetailPolygon]) -> Vec<DetailPolygon> {
+    let shifted = |polygon: &DetailPolygon, shift: Vec2| {
+        let outlines = polygon.outlines.iter().map(|outline| outline.iter().map(|&corner| corner + shift));
+        DetailPolygon { outlines: outlines.map(Iterator::collect).collect(), ..*polygon }
+    };
+    let mut all = Vec::new();
+    for polygon in polygons {
+        let (first, [columns, rows]) = shifts(polygon);
         let shifts = (0..rows as u32).flat_map(|y| (0..columns as u32).map(move |x| UVec2::new(x, y)));
         all.extend(shifts.map(|shift| shifted(polygon, first + shift.as_vec2())));
     }
-    Ok(all)
+    all
 }
 
 /// The same footprint around a point of the unit square; the whole square for a footprint that is larger.
@@ -533,13 +570,14 @@ fn trapezoids(outlines: &[Vec<DVec2>]) -> Option<Vec<Piece>> {
             return None;
         }
         let now: Vec<[usize; 2]> = active.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+        let are_now: HashSet<[usize; 2]> = now.iter().copied().collect();
+        let were_open: HashSet<[usize; 2]> = open.iter().map(|o| o.edges).collect();
         let (going_on, ended): (Vec<Open>, Vec<Open>) =
-            open.into_iter().partition(|o| now.contains(&o.edges));
+            open.into_iter().partition(|o| are_now.contains(&o.edges));
         pieces.extend(ended.iter().map(|o| piece(&edges, o, from)));
         open = going_on;
-        let new: Vec<[usize; 2]> =
-            now.into_iter().filter(|pair| open.iter().all(|o| o.edges != *pair)).collect();
-        open.extend(new.into_iter().map(|edges| Open { edges, from }));
+        let new = now.into_iter().filter(|pair| !were_open.contains(pair));
+        open.extend(new.map(|edges| Open { edges, from }));
     }
     let top = heights.last().copied().unwrap_or(0.0);
     pieces.extend(open.iter().map(|o| piece(&edges, o, top)));
@@ -622,6 +660,47 @@ mod tests {
             .chain([DVec2::new(0.0, 49.0), DVec2::ZERO])
             .collect();
         assert!(trapezoids(&[comb]).unwrap().len() <= 50);
+    }
+
+    /// Teeth of different lengths, each with slabs of its own.
+    #[test]
+    fn long_combs_are_cut_exactly() {
+        let teeth = 1000;
+        let at = |i: i32, y: f64| DVec2::new(f64::from(i) / f64::from(2 * teeth), y);
+        let tooth = |i: i32| {
+            let share = |k: i32| f64::from(k % teeth) / f64::from(teeth);
+            [at(2 * i, 0.9 + 0.09 * share(i)), at(2 * i + 1, 0.1 + 0.1 * share(37 * i))]
+        };
+        let end = [DVec2::new(1.0, 0.99), DVec2::X, DVec2::ZERO];
+        let comb: Vec<DVec2> = (0..teeth).flat_map(tooth).chain(end).collect();
+        let pieces = trapezoids(std::slice::from_ref(&comb)).unwrap();
+        assert!(pieces.len() <= comb.len(), "{}", pieces.len());
+        assert!((area(&pieces) + shoelace(&comb)).abs() < 1e-9);
+    }
+
+    /// Nearly equal squares, of which every box touches all others.
+    #[test]
+    fn boxes_of_pieces_that_overlap_are_few_and_all_found() {
+        let square = |low: DVec2, side: f64| {
+            [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y].map(|corner| low + side * corner)
+        };
+        let number = |i: u32, k: u32| f64::from(i.wrapping_mul(k) >> 8) / f64::from(1 << 24);
+        let random = |i: u32| DVec2::new(number(i, 0x9e37_79b9), number(i, 0x85eb_ca6b));
+        let equal: Vec<Piece> = (0..70_000).map(|i| square(random(i) * 1e-3, 1.0)).collect();
+        let mixed: Vec<Piece> = (1..3000).map(|i| square(random(i), 1.0 / f64::from(i))).collect();
+        for pieces in [&equal[..], &mixed[..], &mixed[..1], &[]] {
+            let tree = BoxTree::new(pieces);
+            assert!(tree.nodes.len() <= pieces.len().max(1) && tree.pieces.len() == pieces.len());
+            for low in (0..20).map(|i| 1.5 * random(i + 7)) {
+                let asked = [low, low + 0.01];
+                let touches = |&i: &u32| touch(bounds(&pieces[i as usize]), asked);
+                let mut found = tree.pieces_in(asked);
+                assert!(found.is_sorted());
+                found.retain(touches);
+                let expected: Vec<u32> = (0..pieces.len() as u32).filter(touches).collect();
+                assert_eq!(found, expected);
+            }
+        }
     }
 
     #[test]

@@ -12,6 +12,7 @@
 //!
 //! Paul Heckbert, "Fundamentals of texture mapping and image warping", 1989, has the maps and their inverses.
 
+use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result};
 use glam::{DMat2, DMat3, DVec2, DVec3, DVec4, Vec2};
 use rayon::prelude::*;
@@ -35,13 +36,20 @@ pub trait PlaneMap: Send + Sync {
     fn jacobian(&self, uv: DVec2) -> DMat2;
 }
 
-/// The longest side of a warped image, in pixels (16 bytes each).
+/// The longest side of a warped image, in pixels. They take 16 bytes each, and forward mapping 40 more while it lasts.
 pub const MAX_SIDE: u32 = 16_384;
 
-fn check_size([width, height]: [u32; 2]) -> Result<()> {
+/// Bytes of a pixel of a warped image.
+const PIXEL_BYTES: u64 = size_of::<[f32; 4]>() as u64;
+/// Bytes of a pixel of a [`Canvas`].
+const CANVAS_BYTES: u64 = (size_of::<DVec4>() + size_of::<f64>()) as u64;
+
+/// Refuses sizes that are not allowed, or whose pixels of so many bytes find no memory.
+fn reserve([width, height]: [u32; 2], bytes: u64) -> Result<Held> {
     let is_side = |n: u32| (1..=MAX_SIDE).contains(&n);
     if is_side(width) && is_side(height) {
-        return Ok(());
+        let bytes = bytes * u64::from(width) * u64::from(height);
+        return input::reserve(format_args!("warping into {width} x {height} pixels"), bytes);
     }
     let message =
         format!("cannot warp into {width} x {height} pixels; both sides must be between 1 and {MAX_SIDE}");
@@ -298,14 +306,14 @@ impl PlaneMap for ProjectiveMap {
 /// The footprint of a pixel is the pre-image of its square to first order: the inverse of the map's derivative.
 ///
 /// # Errors
-/// A side is 0 or longer than [`MAX_SIDE`].
+/// A side is 0 or longer than [`MAX_SIDE`], or the pixels take more memory than is left.
 pub fn warp_inverse(
     texture: &ImageTexture,
     map: &dyn PlaneMap,
     size: [u32; 2],
     options: &SampleOptions,
 ) -> Result<Image> {
-    check_size(size)?;
+    let _held = reserve(size, PIXEL_BYTES)?;
     let [width, height] = size;
     let mut texels = vec![[0.0; 4]; width as usize * height as usize];
     texels.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
@@ -318,7 +326,7 @@ pub fn warp_inverse(
             }
         }
     });
-    Ok(Image::from_linear_rgba(width, height, &texels))
+    Ok(Image::from_linear(width, height, 4, texels.into_flattened()))
 }
 
 /// Cells along each side of a pixel at a border.
@@ -382,9 +390,9 @@ pub enum Spread {
 /// Texels that reach beyond the horizon of a projective map are left out.
 ///
 /// # Errors
-/// A side is 0 or longer than [`MAX_SIDE`].
+/// A side is 0 or longer than [`MAX_SIDE`], or the pixels take more memory than is left.
 pub fn warp_forward(texture: &Image, map: &dyn PlaneMap, size: [u32; 2], spread: Spread) -> Result<Image> {
-    check_size(size)?;
+    let _held = reserve(size, CANVAS_BYTES + PIXEL_BYTES)?;
     let mut canvas = Canvas::new(size);
     let scale = DVec2::new(f64::from(texture.width), f64::from(texture.height)).recip();
     for y in 0..texture.height {
@@ -469,7 +477,7 @@ impl Canvas {
                 color.extend(sum.w / weight * coverage).as_vec4().to_array()
             })
             .collect();
-        Image::from_linear_rgba(self.size[0], self.size[1], &texels)
+        Image::from_linear(self.size[0], self.size[1], 4, texels.into_flattened())
     }
 }
 

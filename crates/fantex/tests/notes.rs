@@ -259,7 +259,28 @@ fn positions_at_the_end_of_single_precision_are_refused() {
     let error = Baker::new(&mesh).source(Source::solid("wood")).texels(1000).write(&path).unwrap_err();
     let expected = "the model is about 3e38 units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices";
     assert_eq!(error.to_string(), expected);
+    let look = folder.path().join("marble.toml");
+    let text = "[textures.a]\nkind = \"marble\"\n[materials.a]\nbase_color = \"a\"\n";
+    std::fs::write(&look, text).unwrap();
+    let error = Baker::new(&mesh).source(Source::look(&look)).texels(1000).write(&path).unwrap_err();
+    assert_eq!(error.to_string(), expected);
     assert!(!path.exists());
+}
+
+#[test]
+fn looks_are_baked_on_models_of_all_sizes() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = folder.path().join("marble.toml");
+    let text = "[textures.a]\nkind = \"marble\"\n[materials.a]\nbase_color = \"a\"\n";
+    std::fs::write(&look, text).unwrap();
+    for half in [1e-16, 1e13] {
+        let model = folder.path().join("cube.obj");
+        std::fs::write(&model, cube(0, 0.0, half, false)).unwrap();
+        let mesh = Mesh::load(&model).unwrap();
+        let path = folder.path().join("cube.fan");
+        let baker = Baker::new(&mesh).source(Source::look(&look)).texels(1000);
+        baker.overwrite(true).write(&path).unwrap();
+    }
 }
 
 /// A cube with its fronts outside or inside, around a middle on the x axis.

@@ -9,6 +9,7 @@ use std::f32::consts::PI;
 
 use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, WorldFromMesh, origin_beside};
+use fantex_scene::ConeFalloff;
 use glam::{DVec3, Vec3};
 
 use crate::LightQuantity;
@@ -347,15 +348,13 @@ pub(crate) enum Lamp {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     axis: Vec3,
-    cos_inner: f32,
-    cos_outer: f32,
+    falloff: ConeFalloff,
 }
 
 impl Cone {
-    /// The share of the light that leaves along a unit direction (KHR_lights_punctual's curve).
+    /// The share of the light that leaves along a unit direction.
     fn share(&self, from_light: Vec3) -> f32 {
-        let t = (self.axis.dot(from_light) - self.cos_outer) / (self.cos_inner - self.cos_outer).max(1e-6);
-        t.clamp(0.0, 1.0).powi(2)
+        self.falloff.share(self.axis.dot(from_light))
     }
 }
 
@@ -393,10 +392,10 @@ impl Lamp {
                 checks.ball(of_mesh, position, color, radius, None)
             }
             BakeLight::Spot { position, axis, color, radius, inner_degrees, outer_degrees } => {
-                let inner = checks.angle("inner_degrees", inner_degrees, 0.0, outer_degrees)?;
-                let outer = checks.angle("outer_degrees", outer_degrees, inner_degrees, 180.0)?;
+                checks.angle("inner_degrees", inner_degrees, 0.0, outer_degrees)?;
+                checks.angle("outer_degrees", outer_degrees, inner_degrees, 180.0)?;
                 let axis = checks.direction("axis", axis)?;
-                let cone = Cone { axis, cos_inner: inner.cos(), cos_outer: outer.cos() };
+                let cone = Cone { axis, falloff: ConeFalloff::new(inner_degrees, outer_degrees) };
                 checks.ball(of_mesh, position, color, radius, Some(cone))
             }
         }

@@ -53,11 +53,11 @@ fn placed(kind: u32, position: DVec3, falloff: &Falloff, space: &WorldFromMesh) 
 }
 
 fn spot(light: &SpotLight, space: &WorldFromMesh) -> LampRecord {
-    let [inner, outer] = [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos());
+    let cone = light.cone();
     LampRecord {
         direction: light.direction.normalize_or(Vec3::NEG_Y),
-        cosine_outer: outer,
-        inverse_cosine_range: 1.0 / (inner - outer).max(1e-4),
+        cosine_outer: cone.cosine_outer,
+        inverse_cosine_range: 1.0 / cone.cosine_range,
         ..placed(2, light.position, &light.falloff, space)
     }
 }

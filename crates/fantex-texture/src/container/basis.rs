@@ -32,6 +32,7 @@ pub(super) struct Basis {
     pub(super) layout: Layout,
     faces: u32,
     packing: u32,
+    /// At least 1.
     levels: u32,
     is_etc1s: bool,
 }
@@ -96,6 +97,8 @@ impl Basis {
 
     /// The file without what is not needed, all ranges within it, UASTC unpacked.
     fn checked(&self, bytes: &[u8]) -> Result<Vec<u8>> {
+        // What is read of the header may lie before its end.
+        slice_at(bytes, LEVEL_INDEX as u64, 24 * u64::from(self.levels))?;
         let mut file = bytes.to_vec();
         file[KEYS..KEYS + 8].fill(0);
         for level in 0..self.levels as usize {

@@ -188,7 +188,8 @@ impl SpaceMatrix {
     /// The matrix is not finite, or has no inverse.
     pub fn new(matrix: Mat4) -> fantex_base::Result<Self> {
         Allowed::Finite.check(Self::OWNER, "the matrix", &matrix.to_cols_array())?;
-        if !matrix.inverse().is_finite() {
+        // Of small or large scales, single precision does not hold the determinant.
+        if !matrix.as_dmat4().inverse().is_finite() {
             return Err(singular(Self::OWNER, "the matrix"));
         }
         Ok(Self { start: matrix, ..Self::default() })
@@ -240,9 +241,18 @@ impl SpaceMatrix {
         let position = mapped.truncate() / w;
         let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis]
             .map(|change| (change.truncate() - position * change.w) / w);
-        let normal_matrix = Mat3::from_cols(x, y, z).inverse().transpose();
+        let derivative = Mat3::from_cols(x, y, z);
+        let normal_matrix = (derivative * (1.0 / power_of_two(&derivative))).inverse().transpose();
         unit_with_steps(normal_matrix, at.normal, at.normal_steps).unwrap_or((at.normal, at.normal_steps))
     }
+}
+
+/// A power of two that is about the largest number of a matrix: it makes the determinant a number that single precision holds, and
+/// rounds nothing.
+fn power_of_two(matrix: &Mat3) -> f32 {
+    const EXPONENT: u32 = 0x7f80_0000;
+    let largest = matrix.to_cols_array().iter().fold(0.0, |most: f32, number| most.max(number.abs()));
+    f32::from_bits(largest.clamp(f32::MIN_POSITIVE, 1e37).to_bits() & EXPONENT)
 }
 
 /// The axes of the normal that a placed texture is asked with.

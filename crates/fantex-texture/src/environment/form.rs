@@ -300,7 +300,7 @@ impl CubeFace {
 //  horizontal cross 4:3      vertical cross 3:4     strips 6:1, 1:6
 //      +y                        +y                  +x -x +y -y +z -z
 //  -x  +z  +x  -z            -x  +z  +x
-//      -y                        -y                 (names of KTX; see cube_face.rs)
+//      -y                        -y                 (names of KTX; see CubeFace)
 //                                -z upside down
 // ```
 

@@ -108,6 +108,9 @@ impl<Origin> Octaves<Origin> {
     ) where
         Origin: Fn(u32) -> Option<[f32; D]>,
     {
+        if out.is_empty() {
+            return;
+        }
         // Numbers that are known to lie within a block are looked up in columns without a check, many at once.
         if out.len() <= BLOCK {
             return self.sums_of_block(kernel, point, footprint, out);
@@ -216,7 +219,7 @@ pub(super) fn octave_seed(seed: u32, octave: u32) -> u32 {
     seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab))
 }
 
-/// Columns of the coordinates of `count` points; what is left repeats the last one.
+/// Columns of the coordinates of `count` points, at least one; what is left repeats the last one.
 pub(super) fn transpose<const D: usize>(
     at: &mut [[f32; BLOCK]; D],
     count: usize,

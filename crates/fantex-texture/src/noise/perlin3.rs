@@ -142,51 +142,14 @@ impl Noise {
         self.sum(p, fractal, footprint, OctaveShape::PLAIN)
     }
 
-    /// The sum of the octaves' absolute values, 0 or more.
-    pub fn turbulence(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
-        self.sum(p, fractal, footprint, OctaveShape::ABSOLUTE)
-    }
-
-    /// The sum of sharp crests, where the octaves pass through 0: `(1 - 2 |noise|)^2` each.
-    pub fn ridged(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
-        self.sum(p, fractal, footprint, OctaveShape::CREST)
-    }
-
     /// [`Noise::fbm`] at many points, each with its footprint: the same values, several times as fast.
     ///
     /// # Panics
     /// If the slices differ in length.
     pub fn fbm_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(OctaveShape::PLAIN, points, fractal, footprints, out);
-    }
-
-    /// [`Noise::turbulence`] at many points, each with its footprint: the same values, several times as fast.
-    ///
-    /// # Panics
-    /// If the slices differ in length.
-    pub fn turbulence_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(OctaveShape::ABSOLUTE, points, fractal, footprints, out);
-    }
-
-    /// [`Noise::ridged`] at many points, each with its footprint: the same values, several times as fast.
-    ///
-    /// # Panics
-    /// If the slices differ in length.
-    pub fn ridged_all(&self, points: &[Vec3], fractal: Fractal, footprints: &[f32], out: &mut [f32]) {
-        self.sums(OctaveShape::CREST, points, fractal, footprints, out);
-    }
-
-    fn sums(
-        &self,
-        octave: OctaveShape,
-        points: &[Vec3],
-        fractal: Fractal,
-        footprints: &[f32],
-        out: &mut [f32],
-    ) {
         assert_eq!(points.len(), out.len(), "one value for every point");
         assert_eq!(footprints.len(), out.len(), "one footprint for every point");
-        self.sums_of(octave, fractal, |i| points[i], |i| footprints[i], out);
+        self.sums_of(OctaveShape::PLAIN, fractal, |i| points[i], |i| footprints[i], out);
     }
 
     /// The sums at points that functions give by their numbers, with their footprints.
@@ -234,9 +197,9 @@ pub(crate) struct OctaveShape {
 impl OctaveShape {
     /// Of [`Noise::fbm`].
     pub(crate) const PLAIN: Self = Self { shape: Shape::Plain, mean: 0.0 };
-    /// Of [`Noise::turbulence`].
+    /// Of turbulence: absolute values.
     pub(crate) const ABSOLUTE: Self = Self { shape: Shape::Absolute, mean: MEAN_ABSOLUTE };
-    /// Of [`Noise::ridged`]: crests where noise passes through 0.
+    /// Of ridges: sharp crests where noise passes through 0, `(1 - 2 |noise|)^2`.
     pub(crate) const CREST: Self = Self { shape: Shape::Crest(2.0), mean: MEAN_RIDGE };
 }
 
@@ -302,11 +265,28 @@ mod tests {
     }
 
     #[test]
+    fn sums_of_all_shapes_at_many_points_are_those_at_single_ones() {
+        let (noise, places) = (Noise::new(5), Vec::from_iter(points().take(400)));
+        // From points to footprints that leave nothing.
+        let footprint = |i: usize| (i % 7) as f32 * 0.15;
+        let mut sums = vec![f32::NAN; places.len()];
+        for shape in [OctaveShape::PLAIN, OctaveShape::ABSOLUTE, OctaveShape::CREST] {
+            for fractal in [1, 5, 20].map(Fractal::octaves) {
+                for count in [0, 1, 3, 4, 63, 64, 65, 400] {
+                    noise.sums_of(shape, fractal, |i| places[i], footprint, &mut sums[..count]);
+                    let single = |i: usize| noise.sum(places[i], fractal, footprint(i), shape);
+                    (0..count).for_each(|i| assert_eq!(sums[i], single(i)));
+                }
+            }
+        }
+    }
+
+    #[test]
     fn wide_footprints_leave_the_mean() {
         let (noise, fractal) = (Noise::new(1), Fractal::octaves(3));
         for p in points().take(100) {
             assert_eq!(noise.fbm(p, fractal, 10.0), 0.0);
-            assert!((noise.turbulence(p, fractal, 10.0) - 1.75 * MEAN_ABSOLUTE).abs() < 1e-5);
+            assert!((noise.sum(p, fractal, 10.0, OctaveShape::ABSOLUTE) - 1.75 * MEAN_ABSOLUTE).abs() < 1e-5);
         }
     }
 }

@@ -300,6 +300,7 @@ fn data_file(value: &str, start: u64, path: &Path) -> Result<DataFile> {
     if value.is_empty() || value.starts_with("LIST") || value.contains('%') {
         return Err(wrong_value("ElementDataFile", EXPECTED, value));
     }
+    input::check_inside(path, Path::new(value))?;
     Ok(DataFile::Beside(path.parent().unwrap_or(Path::new("")).join(value)))
 }
 

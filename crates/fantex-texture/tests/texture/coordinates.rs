@@ -6,7 +6,7 @@ use fantex_base::Aabb;
 use fantex_texture::Scale;
 use fantex_texture::combine::Field;
 use fantex_texture::coordinates::{
-    Coordinates, ImageLookup, InSpace, NormalAxes, Parameter, Projective, SpaceMatrix, TextureMatrix,
+    Coordinates, ImageLookup, InSpace, NormalAxes, Parameter, Place, Projective, SpaceMatrix, TextureMatrix,
     TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
@@ -95,6 +95,36 @@ fn space_matrices_transform_footprints_by_their_derivative() {
     assert!(height.is_animated() && !height.is_view_dependent());
     let at = shading_point(Vec3::new(0.3, 0.4, 0.5), Vec3::Y);
     assert_eq!(height.evaluate(&at).x, matrix.apply(&at).position.y);
+}
+
+/// The normal as a colour.
+#[derive(Debug)]
+struct Normals;
+
+impl Texture for Normals {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        at.normal.extend(1.0)
+    }
+
+    fn depends_on(&self, _: Dependence) -> bool {
+        false
+    }
+}
+
+/// Models may be 1e-18 to 1e18 units large.
+#[test]
+fn patterns_of_all_sizes_have_their_place() {
+    for radius in [1e-18, 1e-16, 1e-13, 1.0, 1e13, 1e18_f32] {
+        let matrix = Place { rotate: [30.0, 0.0, 0.0], ..Place::default() }.matrix(radius).unwrap();
+        let normals =
+            InSpace { input: Slot::Texture(Arc::new(Normals)), matrix, normal_axes: NormalAxes::Texture };
+        let position = Vec3::new(0.0, radius, 0.0);
+        let at = shading_point(position, Vec3::Y);
+        // Turned back by 30 degrees.
+        let expected = Vec3::new(0.0, 0.75_f32.sqrt(), -0.5);
+        assert!(matrix.apply(&at).position.abs_diff_eq(expected, 1e-6), "{radius}");
+        assert!(normals.evaluate(&at).truncate().abs_diff_eq(expected, 1e-6), "{radius}");
+    }
 }
 
 #[test]

@@ -180,7 +180,12 @@ fn encoded_samples() -> Vec<(&'static str, Vec<u8>)> {
 fn container_samples() -> Vec<(&'static str, Vec<u8>)> {
     let texels: Vec<u8> = (0..96).collect();
     let packed = zstd::bulk::compress(&texels[..24], 3).unwrap_or_default();
+    // UASTC whose description lies within the header: the file may end anywhere behind it.
+    let mut early = ktx2(0, [4, 4], 1, 0, &texels[..16]);
+    early[16] = 166;
+    (early[48], early[52]) = (4, 15);
     vec![
+        ("early.ktx2", early),
         ("a.ktx2", ktx2(43, [2, 3], 1, 2, &packed)),
         ("b.ktx2", ktx2(143, [6, 5], 1, 0, &texels)),
         ("c.ktx2", ktx2(146, [5, 3], 1, 0, &texels)),

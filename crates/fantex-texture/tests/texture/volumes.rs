@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_base::ErrorKind;
+use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_texture::coordinates::{InSpace, NormalAxes, SpaceMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::{
@@ -269,6 +270,23 @@ fn mistakes_are_named() {
     }
     let error = Volume::load_meta_image(folder.path().join("absent.mhd"), PLENTY).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::NotFound, "{error}");
+}
+
+#[test]
+fn headers_name_no_files_outside_their_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("inner");
+    fs::create_dir(&inner).unwrap();
+    let secret = folder.path().join("secret.raw");
+    fs::write(&secret, [7; 24]).unwrap();
+    for name in ["../secret.raw", secret.to_str().unwrap()] {
+        let path = write(&inner, &HEADER.replace("numbers.raw", name), &[0; 24]);
+        let error = Volume::load_meta_image(&path, PLENTY).unwrap_err().to_string();
+        assert!(error.contains("line 5") && error.contains("which lies outside its folder"), "{error}");
+        let allowed = ReadLimits::new(ReadOptions { allow_outside: true, ..ReadOptions::default() });
+        let volume = allowed.run(|| Volume::load_meta_image(&path, PLENTY)).unwrap();
+        assert_eq!(volume.samples(), &Samples::U8(vec![7; 24]));
+    }
 }
 
 proptest! {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
 };
@@ -200,6 +201,23 @@ fn both_ways_agree_on_smooth_images() {
             assert!(worst < tolerance, "{name} {spread:?} of {side} texels: off by {worst}");
         }
     }
+}
+
+/// 64 x 64 pixels: 56 bytes each forwards, 16 each the other way.
+#[test]
+fn pixels_count_against_the_memory_that_is_allowed() {
+    let image = smooth_image(8);
+    let map = AffineMap::new(DMat2::from_diagonal(DVec2::splat(64.0)), DVec2::ZERO).unwrap();
+    let within = |memory_bytes| ReadLimits::new(ReadOptions { memory_bytes, ..ReadOptions::default() });
+    let forwards = || warp_forward(&image, &map, [64; 2], Spread::Area);
+    within(56 << 12).run(forwards).unwrap();
+    let error = within((56 << 12) - 1).run(forwards).unwrap_err().to_string();
+    assert!(error.starts_with("warping into 64 x 64 pixels would take 229376 bytes of memory"), "{error}");
+    let texture = ImageTexture::new(Arc::new(image.clone()));
+    let backwards = || warp_inverse(&texture, &map, [64; 2], &SampleOptions::default());
+    within(16 << 12).run(backwards).unwrap();
+    let error = within((16 << 12) - 1).run(backwards).unwrap_err().to_string();
+    assert!(error.starts_with("warping into 64 x 64 pixels would take 65536 bytes of memory"), "{error}");
 }
 
 #[test]

@@ -48,7 +48,7 @@ use self::materials::without_textures;
 use self::observer::Observer;
 use self::own_materials::{MANY_TEXELS, OwnDensity};
 use self::source::Kind;
-use crate::look_scene::{LookBake, MaterialResolver};
+use crate::look_scene::{LookBake, MaterialResolver, check_size};
 use crate::{Asset, FileKind, Mesh};
 
 /// How many texels, before the mesh and the source are known.
@@ -611,17 +611,6 @@ pub struct Baked {
     /// What was written instead of an asset.
     #[cfg(feature = "export")]
     pub exported: Option<fantex_export::ExportSummary>,
-}
-
-/// Refuses sizes whose squares single precision, in which textures are evaluated, does not hold.
-fn check_size(mesh: &fantex_mesh::Mesh) -> Result<()> {
-    let scale = mesh.world_from_mesh.scale;
-    if (1e-18..=1e18).contains(&scale) {
-        return Ok(());
-    }
-    Err(Error::unsupported(format!(
-        "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
-    )))
 }
 
 /// The number of texels, where it is one.

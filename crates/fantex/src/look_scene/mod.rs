@@ -12,7 +12,7 @@ mod scene;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_look::data::{MaterialBase, ObjectTable};
 use fantex_look::{Key, LookFile, LookImages, ResolveOptions, Resolver, materials_of_model, problem};
 use fantex_mesh::Mesh;
@@ -54,7 +54,8 @@ impl MaterialResolver<'_> {
     /// object's `material`; without an object, the look's only material (or `bake.material`); else it keeps its own.
     ///
     /// # Errors
-    /// A texture cannot be made, or the object names a material that the model does not have.
+    /// A texture cannot be made, the object names a material that the model does not have, or the model is too small or too large for
+    /// textures.
     pub fn materials(&self, mesh: &Mesh, model: &Path, object: Option<usize>) -> Result<ResolvedMaterials> {
         self.materials_on(mesh, mesh, model, object)
     }
@@ -67,6 +68,7 @@ impl MaterialResolver<'_> {
         model: &Path,
         object: Option<usize>,
     ) -> Result<ResolvedMaterials> {
+        check_size(mesh)?;
         let names = self.names(mesh, object)?;
         let needs_own = names.iter().any(|name| match name {
             None => true,
@@ -137,6 +139,17 @@ impl MaterialResolver<'_> {
         let problem = problem::unknown_value(wrong, &allowed);
         Err(self.file.error(&key, problem))
     }
+}
+
+/// Refuses sizes whose squares single precision, in which textures are evaluated, does not hold.
+pub(crate) fn check_size(mesh: &Mesh) -> Result<()> {
+    let scale = mesh.world_from_mesh.scale;
+    if (1e-18..=1e18).contains(&scale) {
+        return Ok(());
+    }
+    Err(Error::unsupported(format!(
+        "the model is about {scale:.0e} units large, and textures are evaluated on 1e-18 to 1e18; scale it, or remove stray vertices"
+    )))
 }
 
 /// A sentence where textures on a model lie by texture coordinates that it does not have: they are one texel everywhere then.
