@@ -8,6 +8,7 @@
 
 mod asset_source;
 mod bake;
+mod charts;
 mod fidelity;
 mod image_source;
 mod light;

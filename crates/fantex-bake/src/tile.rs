@@ -7,15 +7,15 @@
 //! ```
 //!
 //! Large tiles are cut into blocks with a margin of `BLOCK_MARGIN` texels (`NOISY_MARGIN` for light that is denoised), so that a texel's value does
-//! not depend on the cut, and the memory for texels in work does not grow with the tile. Its encoded pages do take more: the writer wants all of
-//! a level before the next.
+//! not depend on the cut, but for texels that lie under something and take what their block shows farther away. The memory for texels in work
+//! does not grow with the tile. Its encoded pages do take more: the writer wants all of a level before the next.
 
 use std::time::{Duration, Instant};
 
 use fantex_base::Result;
 use fantex_cover::{
-    BLOCK_MARGIN, BlockPart, Cover, Footprints, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock, TexelTriangle,
-    TileBlock,
+    BLOCK_MARGIN, BlockPart, Cover, Footprints, Group, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock,
+    TexelTriangle, TileBlock,
 };
 use fantex_mesh::Mesh;
 use fantex_store::{
@@ -336,24 +336,18 @@ impl TileBaker<'_> {
     fn turn_vectors(&self, group: u32, points: &[TexelPoint], values: &mut [Vec4]) {
         let group = &self.cover.groups[group as usize];
         for (channel, plan) in self.plans.iter().enumerate() {
-            let is_doubled = match plan.channel.kind {
-                ChannelKind::Normal => false,
-                ChannelKind::Anisotropy => true,
+            let stored: fn(&Group, Vec4, Vec3) -> Vec2 = match plan.channel.kind {
+                ChannelKind::Normal => {
+                    |group, value, normal| group.stored_from_normal(value.truncate(), normal)
+                }
+                ChannelKind::Anisotropy => {
+                    |group, value, normal| group.stored_from_stretch(value.truncate(), value.w, normal)
+                }
                 _ => continue,
             };
             let values = values.iter_mut().skip(channel).step_by(self.plans.len());
             for (point, value) in points.iter().zip(values) {
-                let [x, y] = group.shading_axes(point.normal);
-                let mut along = Vec2::new(value.truncate().dot(x), value.truncate().dot(y));
-                if !is_doubled && value.truncate().dot(point.normal) < 0.0 {
-                    // The nearest normal on the front side.
-                    along = along.normalize_or_zero();
-                }
-                if is_doubled {
-                    let unit = along.normalize_or_zero();
-                    along = unit.rotate(unit) * value.w;
-                }
-                *value = (along * 0.5 + 0.5).extend(0.0).extend(1.0);
+                *value = stored(group, *value, point.normal).extend(0.0).extend(1.0);
             }
         }
     }

@@ -13,7 +13,6 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_base::{Error, Result, input};
-use fantex_cover::{SPAN_SLACK, span};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
     shading_normals,
@@ -21,9 +20,10 @@ use fantex_mesh::{
 use fantex_store::{ChannelKind, Damage};
 use fantex_texture::Image;
 use fantex_texture::material::TangentFrame;
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::charts::{Charts, lambda_at};
 use crate::raster::texels_around;
 use crate::samples::{cells, mean_of_cells};
 use crate::{Source, SourceChannel, TexelPoint};
@@ -315,6 +315,12 @@ impl Source for TransferSource<'_> {
         self.channels.iter().any(|channel| channel.kind == ChannelKind::Normal)
     }
 
+    /// Where the detailed mesh has a crease, too, points on either side see what faces as they do, and that jumps. Where it has none, nothing
+    /// jumps at the cut, which costs some texels. Normals do not count: they [cross](Source::crosses_creases) creases.
+    fn jumps_at_creases(&self) -> bool {
+        self.detail.is_some_and(Source::jumps_at_creases)
+    }
+
     fn has_shares(&self) -> bool {
         self.detail.is_some_and(Source::has_shares)
     }
@@ -379,14 +385,12 @@ const MAX_SIDE: u32 = 8192;
 const MAX_PADDING: u32 = 256;
 /// Of an image of normals: its triangles, the normals, those that padding adds, and what is returned.
 const NORMAL_MAP_TEXEL_BYTES: u64 = 40;
-/// Nobody's texel.
-const EMPTY: u32 = u32::MAX;
 
 /// Bakes the shading normals of `detailed` into an image over the texture coordinates of `coarse`: linear RGB floats, with
 /// -1..1 as 0..1 (convert to the depth that you store).
 ///
-/// A texel belongs to the first triangle that covers its centre; coordinates outside 0..1 wrap. Tangents are the coarse
-/// mesh's own, or those of [`corner_tangents`]. The result does not depend on the number of threads.
+/// A texel belongs to the first triangle that covers its centre; coordinates outside 0..1 wrap, and a triangle may lie over many copies of
+/// the image. Tangents are the coarse mesh's own, or those of [`corner_tangents`]. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// An option out of range, no such texture coordinates, an empty mesh, or more memory than is allowed.
@@ -398,7 +402,7 @@ pub fn bake_normal_map(
     bake_normal_map_until(coarse, detailed, options, &|| false)
 }
 
-/// [`bake_normal_map`], until somebody wants to stop, which is asked for each texel and each step of the padding.
+/// [`bake_normal_map`], until somebody wants to stop, which is asked for each triangle and row of it, each texel and each step of the padding.
 ///
 /// # Errors
 /// As there; or it was ended.
@@ -413,25 +417,25 @@ pub fn bake_normal_map_until(
     let bytes = u64::from(width) * u64::from(height) * NORMAL_MAP_TEXEL_BYTES;
     let _held = input::reserve(format_args!("a normal map of {width} x {height} texels"), bytes)?;
     let projector = Projector::new(coarse, detailed, options.cage)?;
-    let charts = Charts::new(coarse, uv, options.size);
+    let cancelled = || Error::cancelled("the normal map was cancelled");
+    let charts = Charts::new(uv, options.size, is_cancelled).ok_or_else(cancelled)?;
     let frames = Frames::new(coarse, uv, options.space);
     let normal_at = |texel: usize| {
-        let owner = charts.owners[texel];
-        (owner != EMPTY && !is_cancelled()).then(|| {
-            let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
-            let normal = |offset| {
-                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.on_triangle(coarse);
-                frames.relative(at, projector.shading_normal(projector.find(at)))
-            };
-            let sum: Vec3 = cells(options.samples).map(normal).sum();
-            sum.try_normalize().unwrap_or(frames.nothing())
-        })
+        let owner = charts.owner(texel).filter(|_| !is_cancelled())?;
+        let normal = |offset: [f32; 2]| {
+            let lambda = lambda_at(owner.corners, owner.center + Vec2::from(offset).as_dvec2());
+            let lambda = lambda.map_or(Vec3::splat(1.0 / 3.0), |lambda| lambda.as_vec3());
+            let at = SurfacePoint { triangle: owner.triangle, lambda }.on_triangle(coarse);
+            frames.relative(at, projector.shading_normal(projector.find(at)))
+        };
+        let sum: Vec3 = cells(options.samples).map(normal).sum();
+        Some(sum.try_normalize().unwrap_or(frames.nothing()))
     };
     let mut normals: Vec<Option<Vec3>> =
-        (0..charts.owners.len()).into_par_iter().with_min_len(256).map(normal_at).collect();
+        (0..charts.texels()).into_par_iter().with_min_len(256).map(normal_at).collect();
     pad(&mut normals, width as usize, options.padding, is_cancelled);
     if is_cancelled() {
-        return Err(Error::cancelled("the normal map was cancelled"));
+        return Err(cancelled());
     }
     let encoded = |n: Option<Vec3>| (n.unwrap_or(frames.nothing()) * 0.5 + 0.5).to_array();
     let samples = normals.into_iter().flat_map(encoded).collect();
@@ -462,90 +466,6 @@ fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]>
             options.uv_set
         ))
     })
-}
-
-/// Twice the area of a triangle, over the square of its length, from which it is looked for row by row.
-const MIN_SPAN_SHAPE: f64 = 1e-9;
-
-/// How far beside such a triangle rounding may place a texel, over its length.
-const SPAN_ROUNDING: f64 = 1e-5;
-
-struct Charts<'a> {
-    uv: &'a [Vec2],
-    size: [u32; 2],
-    /// Row by row.
-    owners: Vec<u32>,
-}
-
-impl<'a> Charts<'a> {
-    fn new(mesh: &Mesh, uv: &'a [Vec2], size: [u32; 2]) -> Self {
-        let mut owners = vec![EMPTY; size[0] as usize * size[1] as usize];
-        for triangle in 0..mesh.triangles.len() {
-            let corners = corners_in_texels(uv, size, triangle);
-            let (low, high) = corners
-                .iter()
-                .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &c| (low.min(c), high.max(c)));
-            if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e9) {
-                continue;
-            }
-            // Of thinner triangles barycentric coordinates are rounding errors, anywhere in the box.
-            let longest = (high - low).max_element();
-            let area = (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]).abs();
-            let is_flat = area < MIN_SPAN_SHAPE * longest * longest;
-            let slack = f64::from(SPAN_SLACK) + SPAN_ROUNDING * longest;
-            let reach = |y: i64| match (is_flat, y as f64 + 0.5) {
-                (true, _) => Some([low.x, high.x]),
-                (false, row) => span(corners.map(|corner| corner.to_array()), row - slack, row + slack),
-            };
-            // Texel centres within the box; one that is larger than the image covers everything in its first copy.
-            let range = |k: usize| {
-                let first = (low[k] - 0.5).ceil() as i64;
-                first..=((high[k] - 0.5).floor() as i64).min(first + i64::from(size[k]) - 1)
-            };
-            let columns = range(0);
-            for y in range(1) {
-                let Some([left, right]) = reach(y) else { continue };
-                let first = ((left - slack - 0.5).ceil() as i64).max(*columns.start());
-                let last = ((right + slack - 0.5).floor() as i64).min(*columns.end());
-                for x in first..=last {
-                    let lambda = lambda_at(corners, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-                    if lambda.is_some_and(|l| l.min_element() >= 0.0) {
-                        let column = x.rem_euclid(size[0].into()) as usize;
-                        let row = y.rem_euclid(size[1].into()) as usize;
-                        let owner = &mut owners[row * size[0] as usize + column];
-                        *owner = (*owner).min(triangle as u32);
-                    }
-                }
-            }
-        }
-        Self { uv, size, owners }
-    }
-
-    /// Barycentric coordinates of a place in a texel (-0.5..0.5) on its owner.
-    fn lambda(&self, owner: usize, texel: usize, offset: [f32; 2]) -> Vec3 {
-        let width = self.size[0] as usize;
-        let corners = corners_in_texels(self.uv, self.size, owner);
-        let centre = DVec2::new((texel % width) as f64 + 0.5, (texel / width) as f64 + 0.5);
-        // The copy of the image in which the texel lies on the triangle.
-        let size = DVec2::new(self.size[0].into(), self.size[1].into());
-        let low = corners[0].min(corners[1]).min(corners[2]);
-        let copy = ((low - centre) / size).ceil() * size;
-        let place = centre + copy + DVec2::new(offset[0].into(), offset[1].into());
-        lambda_at(corners, place).map_or(Vec3::splat(1.0 / 3.0), |l| l.as_vec3())
-    }
-}
-
-fn corners_in_texels(uv: &[Vec2], size: [u32; 2], triangle: usize) -> [DVec2; 3] {
-    let size = DVec2::new(size[0].into(), size[1].into());
-    [0, 1, 2].map(|k| uv[3 * triangle + k].as_dvec2() * size)
-}
-
-/// Barycentric coordinates of a point in the plane; `None` for a triangle without area.
-fn lambda_at([a, b, c]: [DVec2; 3], p: DVec2) -> Option<glam::DVec3> {
-    let area = (b - a).perp_dot(c - a);
-    let lambda =
-        glam::DVec3::new((b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)) / area;
-    lambda.is_finite().then_some(lambda)
 }
 
 /// The axes at every point of the coarse mesh.
@@ -652,54 +572,6 @@ mod tests {
         assert!(cage > 0.0 && cage < 1e-3);
     }
 
-    /// The triangles of texels, each of which is asked for everywhere in its box.
-    fn owners_in_boxes(uv: &[Vec2], size: [u32; 2]) -> Vec<u32> {
-        let mut owners = vec![EMPTY; size[0] as usize * size[1] as usize];
-        for triangle in 0..uv.len() / 3 {
-            let corners = corners_in_texels(uv, size, triangle);
-            let [a, b, c] = corners;
-            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-            let range = |k: usize| {
-                let first = (low[k] - 0.5).ceil() as i64;
-                first..=((high[k] - 0.5).floor() as i64).min(first + i64::from(size[k]) - 1)
-            };
-            for (y, x) in range(1).flat_map(|y| range(0).map(move |x| (y, x))) {
-                let lambda = lambda_at(corners, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-                if lambda.is_some_and(|l| l.min_element() >= 0.0) {
-                    let [column, row] = [(x, size[0]), (y, size[1])].map(|(n, of)| n.rem_euclid(of.into()));
-                    let owner = &mut owners[row as usize * size[0] as usize + column as usize];
-                    *owner = (*owner).min(triangle as u32);
-                }
-            }
-        }
-        owners
-    }
-
-    #[test]
-    fn charts_are_those_found_in_whole_boxes() {
-        let mut random = Random::new(3);
-        let size = [61, 47];
-        for round in 0..400usize {
-            let scale: f32 = [0.02, 0.3, 1.0, 40.0][round % 4];
-            let mut uv = Vec::new();
-            for triangle in 0..6 {
-                let mut point = || Vec2::new(random.unit() as f32 - 0.3, random.unit() as f32 - 0.3) * scale;
-                let [a, b, mut c] = [point(), point(), point()];
-                match triangle {
-                    // Needles, at last without area but for rounding.
-                    0 => c = a.lerp(b, 0.4) + Vec2::new(1e-3, -1e-3) * scale,
-                    1 => c = a.lerp(b, 1.7) + Vec2::new(1e-6, 1e-6) * scale,
-                    2 => c = a.lerp(b, 0.3),
-                    3 => c = Vec2::new(c.x, a.y),
-                    _ => {}
-                }
-                uv.extend([a, b, c]);
-            }
-            let mesh = Mesh { triangles: vec![[0, 1, 2]; uv.len() / 3], ..Mesh::default() };
-            assert_eq!(Charts::new(&mesh, &uv, size).owners, owners_in_boxes(&uv, size), "{round}: {uv:?}");
-        }
-    }
-
     /// All texels, again and again.
     fn padded(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
         let value = |texel: usize| {
@@ -729,6 +601,23 @@ mod tests {
                 expected = padded(&expected, width);
             }
         }
+    }
+
+    #[test]
+    fn who_wants_to_stop_is_asked_before_texels_have_triangles() {
+        let (mut mesh, _) = clean(generate::icosphere(2), &CleanOptions::default()).unwrap();
+        // All triangles lie in one point of the image, and none has a texel.
+        mesh.corners.uv_sets = vec![vec![Vec2::ZERO; 3 * mesh.triangles.len()]];
+        let asked = AtomicU64::new(0);
+        let bake = |last: u64| {
+            asked.store(0, Relaxed);
+            let options = NormalMapOptions { size: [16; 2], ..NormalMapOptions::default() };
+            bake_normal_map_until(&mesh, &mesh, &options, &|| asked.fetch_add(1, Relaxed) >= last)
+        };
+        bake(u64::MAX).unwrap();
+        assert!(asked.load(Relaxed) >= mesh.triangles.len() as u64);
+        assert!(bake(9).unwrap_err().is_cancelled());
+        assert_eq!(asked.load(Relaxed), 10);
     }
 
     #[test]

@@ -201,11 +201,16 @@ impl Group {
         (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
     }
 
-    /// A unit normal in mesh space as the tile stores it: the inverse of [`Group::normal_from_stored`] on the front side.
+    /// A unit normal in mesh space as the tile stores it: the inverse of [`Group::normal_from_stored`] on the front side. One that
+    /// looks backwards becomes the nearest on the front side.
     #[inline]
     pub fn stored_from_normal(&self, normal: Vec3, vertex_normal: Vec3) -> Vec2 {
         let [x_axis, y_axis] = self.shading_axes(vertex_normal);
-        Vec2::new(normal.dot(x_axis), normal.dot(y_axis)) * 0.5 + 0.5
+        let mut along = Vec2::new(normal.dot(x_axis), normal.dot(y_axis));
+        if normal.dot(vertex_normal) < 0.0 {
+            along = along.normalize_or_zero();
+        }
+        along * 0.5 + 0.5
     }
 
     /// The normal whose part along the surface is `tangent`, as the tile stores it; shortened to a unit vector if it is longer.

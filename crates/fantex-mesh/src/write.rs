@@ -46,7 +46,7 @@ pub fn written_format(path: &Path) -> Result<ModelFormat> {
 /// Where geometry cannot be written so, the file exists, or the system refuses; an existing file is then unchanged.
 pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<()> {
     let format = written_format(path)?;
-    check(path, geometry)?;
+    check(path, format, geometry)?;
     if !force && path.exists() {
         return Err(exists(path));
     }
@@ -71,7 +71,7 @@ fn refused(path: &Path, kind: ErrorKind, why: String) -> Error {
     about(path, kind, format!("was not written: {why}"))
 }
 
-fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
+fn check(path: &Path, format: ModelFormat, geometry: &WriteGeometry) -> Result<()> {
     let invalid = |why: String| refused(path, ErrorKind::InvalidArgument, why);
     let count = geometry.positions.len();
     if geometry.triangles.is_empty() {
@@ -86,6 +86,14 @@ fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
         let there_are = there_are(count);
         let sentence = format!("triangle {triangle} refers to position {index}, but {there_are}");
         return Err(invalid(sentence));
+    }
+    if format == ModelFormat::Glb {
+        let origin = glb_origin(geometry);
+        let is_beyond = |p: &DVec3| !(*p - origin).as_vec3().is_finite();
+        if let Some(index) = geometry.positions.iter().position(is_beyond) {
+            let why = format!("position {index} exceeds the single precision of a GLB file; use .ply");
+            return Err(invalid(why));
+        }
     }
     match geometry.colors {
         Some(colors) if colors.len() != count => {
@@ -147,19 +155,20 @@ impl GlbHeader {
     }
 }
 
-/// The origin of the positions, and what comes before the binary data; fails with the file's size in bytes if that exceeds 4 GiB.
-///
-/// glTF positions are floats. Where these are too coarse, they are taken relative to the centre of the bounding box, which
-/// becomes the node's translation.
-fn glb_layout(geometry: &WriteGeometry) -> Result<(DVec3, GlbHeader), u64> {
-    let mut origin = DVec3::ZERO;
-    if !fits_single_precision(geometry.positions) {
-        let (low, high) = geometry
-            .positions
-            .iter()
-            .fold((DVec3::MAX, DVec3::MIN), |(low, high), &p| (low.min(p), high.max(p)));
-        origin = low + (high - low) * 0.5;
+/// The origin of the positions. glTF positions are floats. Where these are too coarse, they are taken relative to the centre of the
+/// bounding box, which becomes the node's translation. It is not finite where the box is too large for that.
+fn glb_origin(geometry: &WriteGeometry) -> DVec3 {
+    if fits_single_precision(geometry.positions) {
+        return DVec3::ZERO;
     }
+    let positions = geometry.positions.iter();
+    let (low, high) = positions.fold((DVec3::MAX, DVec3::MIN), |(low, high), &p| (low.min(p), high.max(p)));
+    low + (high - low) * 0.5
+}
+
+/// The origin of the positions, and what comes before the binary data; fails with the file's size in bytes if that exceeds 4 GiB.
+fn glb_layout(geometry: &WriteGeometry) -> Result<(DVec3, GlbHeader), u64> {
+    let origin = glb_origin(geometry);
     let vertices = geometry.positions.len() as u64;
     let color_bytes = if geometry.colors.is_some() { 16 * vertices } else { 0 };
     let sections = [12 * vertices, color_bytes, 12 * geometry.triangles.len() as u64];

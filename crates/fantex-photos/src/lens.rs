@@ -130,6 +130,11 @@ impl Lens {
         matches!(self.distortion, Distortion::Fisheye { .. })
     }
 
+    /// Nothing is seen farther off the axis, radians.
+    pub(crate) fn valid_angle(&self) -> f64 {
+        if self.is_fisheye() { self.valid_radius } else { self.valid_radius.atan() }
+    }
+
     /// The depth that pictures of this lens order surfaces by: along the axis for a perspective lens (its inverse is then
     /// linear over the picture of a plane), the distance for a fisheye.
     pub fn depth(&self, p_camera: DVec3) -> f64 {

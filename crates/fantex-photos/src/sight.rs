@@ -13,6 +13,7 @@
 
 use std::io;
 
+use fantex_bake::Progress;
 use fantex_mesh::Mesh;
 use glam::{DMat3, DVec2, DVec3, Vec2};
 use rayon::prelude::*;
@@ -43,6 +44,8 @@ const INFLATION: f64 = 0.05;
 /// The same where sides are not quite straight.
 const BENT_INFLATION: f64 = 0.3;
 const BYTES: usize = 8;
+/// Triangles that are drawn between two looks at whether the user wants to stop.
+const DRAWN_AT_ONCE: usize = 1 << 10;
 
 /// A camera in mesh space: `p_camera = rotation * (p_mesh - eye)`, in mesh units.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +76,8 @@ pub(crate) struct SightMap {
 }
 
 impl SightMap {
-    pub(crate) fn draw(mesh: &Mesh, camera: &MeshCamera) -> Self {
+    /// Nothing if it was cancelled.
+    pub(crate) fn draw(mesh: &Mesh, camera: &MeshCamera, progress: &dyn Progress) -> Option<Self> {
         let size = camera.camera.size;
         let longest = size[0].max(size[1]);
         let side = (longest / 4).clamp(*SIDES.start(), *SIDES.end()).min(longest);
@@ -92,12 +96,17 @@ impl SightMap {
                 (p, painter.on_map(p))
             })
             .collect();
-        for triangle in &mesh.triangles {
-            let [a, b, c] = triangle.map(|v| corners[v as usize]);
-            painter.triangle(&mut map, [a.0, b.0, c.0], [a.1, b.1, c.1], 0);
+        for triangles in mesh.triangles.chunks(DRAWN_AT_ONCE) {
+            if progress.is_cancelled() {
+                return None;
+            }
+            for triangle in triangles {
+                let [a, b, c] = triangle.map(|v| corners[v as usize]);
+                painter.triangle(&mut map, [a.0, b.0, c.0], [a.1, b.1, c.1], 0);
+            }
         }
         map.find_clearances(camera);
-        map
+        Some(map)
     }
 
     /// True where a surface is seen in some pixel of a rectangle.
@@ -323,11 +332,11 @@ fn widest_angle(camera: &PhotoCamera) -> f64 {
         let t = f64::from(i) / f64::from(steps);
         [DVec2::new(t, 0.0), DVec2::new(t, 1.0), DVec2::new(0.0, t), DVec2::new(1.0, t)]
     });
-    let unreachable = if camera.lens.is_fisheye() { std::f64::consts::PI } else { 1.57 };
-    let angle =
-        |at: DVec2| camera.direction(at * size).map_or(unreachable, |d| d.truncate().length().atan2(d.z));
+    let valid = camera.lens.valid_angle();
+    // Parts of the border may lie beyond all directions.
+    let angle = |at: DVec2| camera.direction(at * size).map_or(valid, |d| d.truncate().length().atan2(d.z));
     // A little more: between the points of the border, and for tangential distortion.
-    border.map(angle).fold(0.0, f64::max) + 0.05
+    (border.map(angle).fold(0.0, f64::max) + 0.05).min(valid)
 }
 
 #[derive(Debug)]
@@ -372,5 +381,82 @@ impl Sight {
         }
         let behind = (depth - 1.0 / f64::from(inverse_depth) - slack) / slack;
         clearance * (1.0 - behind.clamp(0.0, 1.0)) as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicU32;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    use fantex_base::Random;
+    use fantex_mesh::{CleanOptions, clean, generate};
+
+    use crate::{Distortion, Lens};
+
+    use super::*;
+
+    fn camera(distortion: Distortion) -> MeshCamera {
+        let camera = PhotoCamera { lens: Lens::new(distortion), ..PhotoCamera::pinhole([256, 256], 100.0) };
+        MeshCamera { camera, rotation: DMat3::IDENTITY, eye: DVec3::ZERO }
+    }
+
+    /// Polynomials that turn round have no directions for the corners of the picture: the angle at which they turn bounds what is seen.
+    #[test]
+    fn what_no_lens_sees_is_out_of_sight() {
+        let mut random = Random::new(7);
+        for (distortion, turns) in [
+            (Distortion::fisheye([-0.1, 0.0, 0.0, 0.0]), true),
+            (Distortion::fisheye([0.0; 4]), false),
+            (Distortion::Perspective { radial: [-0.2, 0.0, 0.0, 0.0, 0.0, 0.0], tangential: [0.0; 2] }, true),
+            (Distortion::PINHOLE, false),
+        ] {
+            let camera = camera(distortion);
+            let painter = Painter::new(&camera, DVec2::ONE);
+            let corner = camera.camera.direction(DVec2::ZERO);
+            assert_eq!(corner.is_none(), turns, "{distortion:?}");
+            let (mut seen, mut hidden) = (0, 0);
+            for _ in 0..20_000 {
+                let mut unit = || random.unit() - 0.5;
+                let mut point = || DVec3::new(unit(), unit(), unit());
+                let (place, sides) = (point(), [point(), point(), point()]);
+                let corners = sides.map(|side| place + side * 0.02);
+                let middle = corners.iter().sum::<DVec3>() / 3.0;
+                let is_inside = |p: &DVec3| {
+                    let seen = painter.on_map(*p);
+                    seen.is_some_and(|p| p.min_element() >= 0.0 && p.x.max(p.y) <= 256.0)
+                };
+                let any = corners.iter().chain([&middle]).any(is_inside);
+                seen += u32::from(any);
+                if painter.is_out_of_sight(corners) {
+                    assert!(!any, "{distortion:?}: {corners:?}");
+                    hidden += 1;
+                } else if middle.length() > 0.2 && !any {
+                    // Beside the picture, or not far behind what the lens sees.
+                    let angle = middle.truncate().length().atan2(middle.z);
+                    assert!(angle < camera.camera.lens.valid_angle() + 0.3, "{distortion:?}: {angle}");
+                }
+            }
+            assert!(seen > 1000 && hidden > 1000, "{distortion:?}: {seen} {hidden}");
+        }
+    }
+
+    #[test]
+    fn drawing_can_be_cancelled() {
+        struct Asked(AtomicU32, u32);
+        impl Progress for Asked {
+            fn report(&self, _: u64, _: u64) {}
+            fn is_cancelled(&self) -> bool {
+                self.0.fetch_add(1, Relaxed) >= self.1
+            }
+        }
+        let mesh = clean(generate::icosphere(4), &CleanOptions::default()).unwrap().0;
+        let draw = |asked: &Asked| SightMap::draw(&mesh, &camera(Distortion::PINHOLE), asked).is_some();
+        let patient = Asked(AtomicU32::new(0), u32::MAX);
+        assert!(draw(&patient));
+        assert_eq!(patient.0.load(Relaxed) as usize, mesh.triangles.len().div_ceil(DRAWN_AT_ONCE));
+        let impatient = Asked(AtomicU32::new(0), 2);
+        assert!(!draw(&impatient));
+        assert_eq!(impatient.0.load(Relaxed), 3);
     }
 }

@@ -186,10 +186,14 @@ fn batches(photographs: &[Photograph], probes: usize, memory_bytes: u64) -> Vec<
     photographs.chunks(at_once).enumerate().map(|(i, batch)| (i * at_once, batch)).collect()
 }
 
+fn cancelled() -> Error {
+    Error::cancelled("reading photographs was cancelled")
+}
+
 impl Reading<'_> {
     fn survey(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>> {
         if self.progress.is_cancelled() {
-            return Err(Error::cancelled("reading photographs was cancelled"));
+            return Err(cancelled());
         }
         let surveyed = self.look(number, photograph)?;
         let pixels = pixels(photograph);
@@ -200,7 +204,7 @@ impl Reading<'_> {
     fn look(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>> {
         let scratch = |source| scratch_error(&self.options.scratch, source);
         let camera = mesh_camera(photograph, self.mesh);
-        let map = SightMap::draw(self.mesh, &camera);
+        let map = SightMap::draw(self.mesh, &camera, self.progress).ok_or_else(cancelled)?;
         let sight = map.store(self.store).map_err(scratch)?;
         let spots = self.probes.spots.par_iter().with_min_len(1 << 11);
         let looked: Vec<Option<Seen>> = spots

@@ -4,6 +4,7 @@ use fantex_bake::{
     Fit, NormalMapOptions, NormalSpace, Prefilter, Source, SourceChannel, TexelPoint, TransferOptions,
     TransferSource, bake_normal_map,
 };
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{
     CleanOptions, DisplaceOptions, LoadOptions, Material, Mesh, Refinement, SurfacePoint, TriangleBvh, clean,
     corner_tangents, displace, generate, interpolate, lambda_step, load, shading_normals,
@@ -404,6 +405,80 @@ fn beside_creases_points_show_what_faces_as_they_do() {
             source.evaluate(&point, &mut values);
             let (found, expected) = (values[0].truncate(), color(&coarse, triangle));
             assert!(found.distance(expected) < 1e-3, "{triangle} {lambda}: {found} {expected}");
+        }
+    }
+}
+
+/// What jumps at creases, as light does.
+struct Jumping(OfTriangle);
+
+impl Source for Jumping {
+    fn channels(&self) -> Vec<SourceChannel> {
+        self.0.channels()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        self.0.prefilter()
+    }
+
+    fn jumps_at_creases(&self) -> bool {
+        true
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        self.0.evaluate(point, values);
+    }
+}
+
+/// A cube whose faces have different colours, transferred to another cube: no colour runs over an edge.
+#[test]
+fn what_jumps_at_creases_does_so_on_another_mesh() {
+    let (coarse, detailed) = (cleaned(generate::cube(2)), cleaned(generate::cube(4)));
+    let color = |mesh: &Mesh, triangle: usize| 0.5 * mesh.facet_normal(triangle).as_vec3() + 0.5;
+    let paint = OfTriangle((0..detailed.triangles.len()).map(|t| color(&detailed, t).extend(1.0)).collect());
+    let paint = Jumping(paint);
+    let options = TransferOptions { normals: false, ..TransferOptions::default() };
+    let source = TransferSource::new(&coarse, &detailed, Some(&paint), &options).unwrap();
+    let options = CoverOptions {
+        budget: TexelBudget::Total(20_000),
+        cut_creases: source.jumps_at_creases(),
+        ..CoverOptions::default()
+    };
+    let cover = build_cover(&coarse, &options).unwrap().0;
+    let asset = baked(&coarse, &cover, &source, &float_options(Fit::Sharp));
+    for triangle in 0..coarse.triangles.len() {
+        for lambda in [Vec3::new(0.96, 0.02, 0.02), Vec3::new(0.02, 0.96, 0.02), Vec3::new(0.02, 0.02, 0.96)]
+        {
+            let found = sample(&asset.cache, 0, 0, triangle, lambda).truncate();
+            let expected = color(&coarse, triangle);
+            assert!(found.distance(expected) < 1e-2, "{triangle} {lambda}: {found} {expected}");
+        }
+    }
+}
+
+/// Coordinates that repeat an image: each texel lies on the triangle in some copy, often not in the first.
+#[test]
+fn repeated_coordinates_fill_all_texels_that_they_cover() {
+    let mut model = generate::grid(1);
+    model.triangles.truncate(1);
+    for repeats in [1.0, 1.5, 2.0] {
+        let corners = [Vec2::ZERO, Vec2::new(repeats, 0.0), Vec2::splat(repeats)];
+        model.corners.uv_sets = vec![corners.to_vec()];
+        model.corners.normals.clear();
+        let mesh = cleaned(model.clone());
+        let space = NormalSpace::Object;
+        let options = NormalMapOptions { size: [16, 16], padding: 0, space, ..NormalMapOptions::default() };
+        let (image, report) = bake_normal_map(&mesh, &mesh, &options).unwrap();
+        assert_eq!(report.missed, 0);
+        // Centres of the texels of all copies: on or below the diagonal.
+        let columns = (16.0 * repeats) as u32;
+        let mut covered = [[false; 16]; 16];
+        for (y, x) in (0..columns).flat_map(|y| (y..columns).map(move |x| (y as usize, x as usize))) {
+            covered[y % 16][x % 16] = true;
+        }
+        for (y, x) in (0..16).flat_map(|y| (0..16).map(move |x| (y, x))) {
+            let is_full = image.linear_texel(x, y)[1] == 1.0;
+            assert_eq!(is_full, covered[y as usize][x as usize], "{repeats}: {x} {y}");
         }
     }
 }

@@ -42,6 +42,11 @@ fn normals_return_from_a_tile_as_they_were() {
         assert!(group.stored_from_tangent(tangent, vertex_normal).distance(stored) < 1e-6);
     }
     assert!(group.stored_from_tangent(Vec3::X * 9.0, Vec3::Z).distance(Vec2::splat(0.5)) < 0.5001);
+    // A normal that looks backwards becomes the nearest that does not.
+    let along = (Vec3::X - vertex_normal * vertex_normal.x).normalize();
+    let stored = group.stored_from_normal((along - vertex_normal * 0.7).normalize(), vertex_normal);
+    // Numbers next to a unit circle say little about what is across it.
+    assert!(group.normal_from_stored(stored, vertex_normal).distance(along) < 1e-3);
 }
 
 #[test]

@@ -85,18 +85,6 @@ pub fn clean_watched(
         vertices_in: model.positions.len() as u64,
         ..CleanReport::default()
     };
-    let nothing_left = |report: CleanReport, name: &str| {
-        let CleanReport { triangles_in, triangles_non_finite, triangles_degenerate, .. } = report;
-        let triangles = counted(triangles_in, "triangle");
-        let welded = match options.weld_distance {
-            distance if distance > 0.0 => format!(" once vertices up to {distance} apart are welded"),
-            _ => String::new(),
-        };
-        Error::malformed(format!(
-            "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, \
-             infinite), {triangles_degenerate} without area{welded}"
-        ))
-    };
 
     // Step 1: drop triangles whose positions cannot be computed with.
     let unusable: Vec<bool> = model.positions.par_iter().map(|&p| !exact::is_usable(p)).collect();
@@ -108,7 +96,7 @@ pub fn clean_watched(
     // Step 2: to mesh space.
     let Some(own_space) = exact::world_from_mesh(&model.positions, |v| used[v]) else {
         report.triangles_degenerate = surface.triangles.len() as u64;
-        return Err(nothing_left(report, &model.name));
+        return Err(nothing_left(&report, options, &model.name));
     };
     let world_from_mesh = options.world_from_mesh.unwrap_or(own_space);
     let positions = mesh_positions(&model, &used, &world_from_mesh);
@@ -141,7 +129,7 @@ pub fn clean_watched(
         report.coordinate_step = step;
     }
     if surface.triangles.is_empty() {
-        return Err(nothing_left(report, &model.name));
+        return Err(nothing_left(&report, options, &model.name));
     }
     let mut corners = VertexCorners::of(&surface.triangles, positions.len());
     let is_disc;
@@ -161,22 +149,9 @@ pub fn clean_watched(
         corners = VertexCorners::of(&surface.triangles, positions.len());
         report.topology = Topology::of(&surface.triangles, &corners);
     }
-    let mut turned = Vec::new();
-    if report.topology.edges_inconsistent > 0 || options.turn_outward {
-        let normals = &model.corners.normals;
-        let area_in_front = |t: u32| {
-            let source = surface.sources.as_ref().map_or(t, |sources| sources[t as usize]) as usize;
-            let normals = normals.get(3 * source..3 * source + 3).unwrap_or_default();
-            facing::area_in_front(surface.triangles[t as usize].map(|v| positions[v as usize]), normals)
-        };
-        let turning =
-            topology::decide(&positions, &surface.triangles, &corners, area_in_front, options.turn_outward);
-        turned = turning.turn;
-        report.non_orientable_components = turning.non_orientable;
-        report.triangles_flipped = surface.turn(&turned);
-        corners = VertexCorners::of(&surface.triangles, positions.len());
-        report.topology = Topology::of(&surface.triangles, &corners);
-    }
+    let normals = &model.corners.normals;
+    let turned;
+    (turned, corners) = orient(&mut surface, &positions, normals, options.turn_outward, corners, &mut report);
     if options.weld_distance == 0.0
         && report.topology.edges_boundary as f64 >= MIN_BOUNDARY_SHARE * report.topology.edges as f64
     {
@@ -191,6 +166,45 @@ pub fn clean_watched(
     report.corner_values_non_finite = replace_unusable(&mut mesh.corners);
     watch(1.0);
     Ok((mesh, report, CornerOrigins { sources, turned }))
+}
+
+fn nothing_left(report: &CleanReport, options: &CleanOptions, name: &str) -> Error {
+    let CleanReport { triangles_in, triangles_non_finite, triangles_degenerate, .. } = report;
+    let triangles = counted(*triangles_in, "triangle");
+    let welded = match options.weld_distance {
+        distance if distance > 0.0 => format!(" once vertices up to {distance} apart are welded"),
+        _ => String::new(),
+    };
+    Error::malformed(format!(
+        "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, infinite), \
+         {triangles_degenerate} without area{welded}"
+    ))
+}
+
+/// Turns triangles so that neighbours agree, by the model's `normals` where these help; returns which were turned (empty: none), and the
+/// corners around every vertex, which `corners` are before.
+fn orient(
+    surface: &mut Surface,
+    positions: &[Vec3],
+    normals: &[Vec3],
+    turn_outward: bool,
+    corners: VertexCorners,
+    report: &mut CleanReport,
+) -> (Vec<bool>, VertexCorners) {
+    if report.topology.edges_inconsistent == 0 && !turn_outward {
+        return (Vec::new(), corners);
+    }
+    let area_in_front = |t: u32| {
+        let source = surface.sources.as_ref().map_or(t, |sources| sources[t as usize]) as usize;
+        let normals = normals.get(3 * source..3 * source + 3).unwrap_or_default();
+        facing::area_in_front(surface.triangles[t as usize].map(|v| positions[v as usize]), normals)
+    };
+    let turning = topology::decide(positions, &surface.triangles, &corners, area_in_front, turn_outward);
+    report.non_orientable_components = turning.non_orientable;
+    report.triangles_flipped = surface.turn(&turning.turn);
+    let corners = VertexCorners::of(&surface.triangles, positions.len());
+    report.topology = Topology::of(&surface.triangles, &corners);
+    (turning.turn, corners)
 }
 
 /// So near to each other, as a share of the model's size, are vertices that somebody may want to weld.

@@ -6,7 +6,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use glam::{DVec3, IVec3, Vec3};
+use glam::{DVec3, I64Vec3, Vec3};
 use rayon::prelude::*;
 
 const CHUNK: usize = 1 << 16;
@@ -192,12 +192,10 @@ pub(super) fn coinciding(positions: &[Vec3], used: impl Fn(usize) -> bool + Sync
 /// Greedy, in vertex order, over a grid of cells as wide as the distance: welded vertices never drag others along, so
 /// nothing moves by more than `distance`.
 pub(super) fn within(positions: &[Vec3], used: impl Fn(usize) -> bool, distance: f64) -> Vec<Repeat> {
-    // A cell index must fit 32 bits; below that the grid is coarser than the distance, which costs time only.
-    let cell = distance.max(1.0 / f64::from(1 << 28));
-    let mut kept: HashMap<IVec3, Vec<u32>> = HashMap::new();
+    let mut kept: HashMap<I64Vec3, Vec<u32>> = HashMap::new();
     let mut found = Vec::new();
     for (i, p) in positions.iter().enumerate().filter(|&(i, _)| used(i)) {
-        let home = (p.as_dvec3() / cell).floor().as_ivec3();
+        let home = cell(*p, distance);
         let nearest = neighbourhood(home)
             .filter_map(|cell| kept.get(&cell))
             .flatten()
@@ -212,8 +210,16 @@ pub(super) fn within(positions: &[Vec3], used: impl Fn(usize) -> bool, distance:
     found
 }
 
-fn neighbourhood(home: IVec3) -> impl Iterator<Item = IVec3> {
-    (0..27).map(move |i| home + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1))
+/// The narrowest cell, mesh units: its index fits 62 bits, and no two coordinates of mesh space are closer to each other.
+const MIN_CELL: f64 = 1.0 / (1_u64 << 60) as f64;
+
+/// The cell of the grid, as wide as a distance, that a point lies in.
+fn cell(position: Vec3, distance: f64) -> I64Vec3 {
+    (position.as_dvec3() / distance.max(MIN_CELL)).floor().as_i64vec3()
+}
+
+fn neighbourhood(home: I64Vec3) -> impl Iterator<Item = I64Vec3> {
+    (0..27).map(move |i| home + I64Vec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1))
 }
 
 /// The tolerance in mesh units for a world-space distance.
@@ -295,5 +301,20 @@ mod tests {
         assert_eq!(firsts, [(1, 0), (3, 2), (5, 4), (7, 6), (9, 8)]);
         assert!(within(&row, |_| true, 0.0).is_empty());
         assert_eq!(within(&[row[0], row[0]], |_| true, 0.0).len(), 1);
+    }
+
+    /// Beside vertices that lie far away, all others are close together and the distance is tiny.
+    #[test]
+    fn cells_are_as_narrow_as_the_smallest_distance() {
+        for distance in [1e-3, 1e-9, 1e-12, 1e-15, 2.0 * MIN_CELL] {
+            let row: Vec<Vec3> =
+                (0..100).map(|i| Vec3::X * (0.75 * distance * f64::from(i)) as f32).collect();
+            let mut cells: Vec<I64Vec3> = row.iter().map(|&p| cell(p, distance)).collect();
+            cells.dedup();
+            assert_eq!(cells.len(), 75, "{distance}");
+            // Every vertex that stays takes the next one.
+            let firsts: Vec<u32> = within(&row, |_| true, distance).iter().map(|r| r.first).collect();
+            assert!(firsts.iter().copied().eq((0..100).step_by(2)), "{distance}: {firsts:?}");
+        }
     }
 }

@@ -716,6 +716,33 @@ fn wrong_geometry_and_places_are_refused_and_leave_nothing() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
+/// Beyond single precision, and so large that differences overflow double precision.
+#[test]
+fn what_single_precision_does_not_hold_is_no_glb() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for extent in [1e40, 2.0 * f64::MAX.sqrt(), f64::MAX] {
+        let mut huge = sample(DVec3::ZERO);
+        (huge.positions[3].x, huge.positions[5].x) = (-extent, extent);
+        let error = write(&path("a.glb"), &huge, false, true).unwrap_err().to_string();
+        assert_mentions(&error, &["a.glb", "position", "single precision", "use .ply"]);
+        assert!(!path("a.glb").exists());
+        for name in ["a.ply", "a.obj"] {
+            write(&path(name), &huge, false, true).unwrap();
+            let model = load(&path(name), &LoadOptions::default()).unwrap();
+            assert_same(&model, &huge, false, 0.0);
+        }
+    }
+    // The largest that fits, and what only fits relative to the middle.
+    for offset in [0.0, 1e39] {
+        let mut large = sample(DVec3::new(offset, 0.0, 0.0));
+        large.positions[3].x += 1e38;
+        write(&path("a.glb"), &large, false, true).unwrap();
+        let model = load(&path("a.glb"), &LoadOptions::default()).unwrap();
+        assert_same(&model, &large, false, 1e32);
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn written_files_have_ordinary_permissions() {

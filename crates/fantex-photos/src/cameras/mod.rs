@@ -187,8 +187,8 @@ fn no_pose(reason: &str) -> Error {
     Error::malformed(format!("the camera's place is no rotation and translation: {reason}"))
 }
 
-pub(crate) fn unknown_model(name: &str) -> Error {
-    let (name, known) = (name.chars().take(40).collect::<String>(), known_models());
+fn unknown_model(name: &str, known: &str) -> Error {
+    let name: String = name.chars().take(40).collect();
     Error::unsupported(format!(
         "the camera model '{name}' is not supported (known: {known}); undistort the photographs first, for example with 'colmap \
          image_undistorter'"
@@ -245,11 +245,12 @@ fn known_models() -> String {
 
 impl CameraModel {
     pub(crate) fn by_name(name: &str) -> Result<&'static Self> {
-        MODELS.iter().find(|m| m.name == name).ok_or_else(|| unknown_model(name))
+        MODELS.iter().find(|m| m.name == name).ok_or_else(|| unknown_model(name, &known_models()))
     }
 
     pub(crate) fn by_number(number: i32) -> Result<&'static Self> {
-        MODELS.iter().find(|m| m.number == number).ok_or_else(|| unknown_model(&number.to_string()))
+        let model = MODELS.iter().find(|m| m.number == number);
+        model.ok_or_else(|| unknown_model(&number.to_string(), &known_models()))
     }
 
     /// The camera with these parameters: focal lengths, middle, distortion.

@@ -4,18 +4,19 @@
 //! camera may stand at the top for all frames or in each frame.
 
 use std::fmt::Write as _;
-use std::io::{Read, Write};
+use std::io::{self, BufReader, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::write_whole;
-use fantex_base::input::{check_below, check_inside};
+use fantex_base::input::{self, check_below, check_inside};
 use fantex_base::{Error, Place, Result, json_problem};
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use image::{ImageError, ImageFormat, ImageReader};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{
-    CameraFrame, MAX_ENTRIES, checked_camera, checked_name, mask_beside, no_photographs, no_pose,
+    CameraFrame, MAX_ENTRIES, MODELS, checked_camera, checked_name, mask_beside, no_photographs, no_pose,
     open_within, too_many, unknown_model,
 };
 use crate::{CameraFromWorld, Distortion, PhotoCamera, Photograph};
@@ -216,14 +217,7 @@ impl Intrinsics {
     fn camera(&self, path: &Path) -> Result<PhotoCamera> {
         let size = match (self.w, self.h) {
             (Some(width), Some(height)) => [width, height],
-            _ => <[u32; 2]>::from(image::image_dimensions(path).map_err(|source| {
-                let name = path.display();
-                Error::malformed(format!(
-                    "w and h are not given, and the size of {name} cannot be read: {source}"
-                ))
-                .with_source(source)
-            })?)
-            .map(f64::from),
+            _ => picture_size(path)?.map(f64::from),
         };
         let of_angle = |angle: Option<f64>, side: f64| angle.map(|angle| 0.5 * side / (0.5 * angle).tan());
         let focal_x = self
@@ -254,9 +248,37 @@ impl Intrinsics {
             "OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => {
                 Ok(Distortion::fisheye([k[0], k[1], k[2], k[3]]))
             }
-            name => Err(unknown_model(name)),
+            name => Err(unknown_model(name, &known_models())),
         }
     }
+}
+
+/// The camera models of COLMAP that a `transforms.json` has no keys for.
+const COLMAP_ONLY: [&str; 2] = ["FOV", "THIN_PRISM_FISHEYE"];
+
+fn known_models() -> String {
+    let known: Vec<&str> = MODELS.iter().map(|m| m.name).filter(|name| !COLMAP_ONLY.contains(name)).collect();
+    let (known, others) = (known.join(", "), COLMAP_ONLY.join(" and "));
+    format!("{known}; COLMAP's files hold {others}, too")
+}
+
+/// Width and height of a photograph, as its header tells them.
+fn picture_size(path: &Path) -> Result<[u32; 2]> {
+    let failed = |source: ImageError| {
+        let name = path.display();
+        Error::malformed(format!("w and h are not given, and the size of {name} cannot be read: {source}"))
+            .with_source(source)
+    };
+    let file = input::open(path).map_err(|source| failed(source.into()))?;
+    let mut reader = ImageReader::new(BufReader::new(file));
+    // Where the first bytes do not tell the format, the name does.
+    if let Ok(format) = ImageFormat::from_path(path) {
+        reader.set_format(format);
+    }
+    let size = || reader.with_guessed_format()?.into_dimensions();
+    let damaged =
+        || Err(ImageError::IoError(io::Error::new(ErrorKind::InvalidData, "its header is damaged")));
+    input::guarded(size).unwrap_or_else(damaged).map(<[u32; 2]>::from).map_err(failed)
 }
 
 /// The inverse of a matrix that takes camera to world, with y and z turned round.

@@ -266,12 +266,55 @@ fn transforms_of_other_programs_are_read() {
         "\"camera_model\": \"EQUIRECTANGULAR\", \"frames\"",
         "'EQUIRECTANGULAR' is not supported",
     );
+    for name in ["FOV", "THIN_PRISM_FISHEYE"] {
+        fs::write(
+            &file,
+            text.replacen("\"frames\"", &format!("\"camera_model\": \"{name}\", \"frames\""), 1),
+        )
+        .unwrap();
+        let message = cameras_of(&file, None).unwrap_err().to_string();
+        assert!(message.contains(&format!("'{name}' is not supported")), "{message}");
+        assert!(message.contains("COLMAP's files hold FOV and THIN_PRISM_FISHEYE, too"), "{message}");
+        // What it lists as known is known.
+        let (_, known) = message.split_once("(known: ").unwrap();
+        let (known, _) = known.split_once(';').unwrap();
+        assert_eq!(known.split(", ").count(), 9);
+        for known in known.split(", ") {
+            fs::write(
+                &file,
+                text.replacen("\"frames\"", &format!("\"camera_model\": \"{known}\", \"frames\""), 1),
+            )
+            .unwrap();
+            cameras_of(&file, None).unwrap();
+        }
+    }
     wrong("\"frames\"", "\"w\": 1e30, \"h\": 20, \"frames\"", "a side must be");
     wrong("train/r_0", "train/r_9", "r_9");
     wrong("\"frames\"", "\"frame\"", "the key 'frames' is missing");
     wrong("1.57", "oops", "line 1");
     fs::write(&file, r#"{"frames": []}"#).unwrap();
     assert!(cameras_of(&file, None).unwrap_err().to_string().contains("names no photograph"));
+}
+
+/// A pipe without a writer would keep whoever opens it.
+#[cfg(unix)]
+#[test]
+fn sizes_are_not_read_from_pipes_nor_from_rubbish() {
+    let root = tempfile::tempdir().unwrap();
+    let file = root.path().join("transforms.json");
+    let matrix = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let pipe = root.path().join("a.png");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    fs::write(root.path().join("b.png"), b"\x89PNG\r\n\x1a\n rubbish").unwrap();
+    for (name, expected) in [("a.png", "a device or a pipe"), ("b.png", "cannot be read")] {
+        let frame = format!(r#"{{"file_path": "{name}", "transform_matrix": {matrix}}}"#);
+        fs::write(&file, format!(r#"{{"fl_x": 20, "frames": [{frame}]}}"#)).unwrap();
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let file = file.clone();
+        std::thread::spawn(move || sender.send(cameras_of(&file, None).unwrap_err().to_string()));
+        let message = receiver.recv_timeout(std::time::Duration::from_secs(60)).unwrap();
+        assert!(message.contains(expected) && message.contains(name), "{message}");
+    }
 }
 
 #[test]

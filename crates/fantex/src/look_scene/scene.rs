@@ -271,7 +271,8 @@ impl<'a> LookScene<'a> {
         let environment = self.resolver.file.look().environment.as_ref();
         if let Some((table, capture)) = environment.and_then(|table| Some((table, table.capture.as_ref()?))) {
             let map = self.captured(scene, &lights, capture)?;
-            lights.ambient = AmbientLight::environment(environment_light(self.resolver.converted(map, table)?, table));
+            lights.ambient =
+                AmbientLight::environment(environment_light(self.resolver.converted(map, table)?, table));
         }
         Ok(lights)
     }
