@@ -55,7 +55,9 @@ struct Corner {
 impl Corner {
     /// Equal for corners that share a tangent.
     fn order(&self, other: &Self) -> Ordering {
-        let key = |c: &Self| [c.uv.x, c.uv.y, c.normal.x, c.normal.y, c.normal.z, c.handedness];
+        // Both zeros are one number.
+        let key =
+            |c: &Self| [c.uv.x, c.uv.y, c.normal.x, c.normal.y, c.normal.z, c.handedness].map(|x| x + 0.0);
         let by_attributes = || {
             let pairs = key(self).into_iter().zip(key(other));
             pairs.map(|(a, b)| a.total_cmp(&b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)

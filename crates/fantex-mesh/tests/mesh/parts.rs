@@ -88,6 +88,23 @@ fn a_mirrored_image_keeps_its_bitangent_and_turns_its_tangent() {
     }
 }
 
+/// Files spell a normal `0 0 1` and `-0 0 1`; MikkTSpace compares numbers, too.
+#[test]
+fn both_zeros_of_normals_and_coordinates_share_a_tangent() {
+    // The two triangles stretch the image in different directions.
+    let (mesh, uv) = square([[0.0, 0.0], [1.0, 0.2], [0.7, 0.6], [0.1, 0.8]]);
+    let tangents = |normals: &[Vec3; 6], uv: &[[Vec2; 3]]| corner_tangents(&mesh, normals, |t| Some(uv[t]));
+    let plain = tangents(&[Vec3::Z; 6], &uv);
+    assert_eq!((plain[0], plain[2]), (plain[3], plain[4]), "the corners that the triangles share");
+    assert_ne!(plain[1], plain[0]);
+    let mut normals = [Vec3::Z; 6];
+    (normals[0].x, normals[4].y) = (-0.0, -0.0);
+    assert_eq!(tangents(&normals, &uv), plain);
+    let mut signed = uv.clone();
+    signed[1][0] = Vec2::splat(-0.0);
+    assert_eq!(tangents(&[Vec3::Z; 6], &signed), plain);
+}
+
 #[test]
 fn degenerate_coordinates_give_some_tangent() {
     for t in tangents_of(&square([[0.5, 0.5]; 4])) {
