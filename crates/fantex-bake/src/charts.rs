@@ -60,7 +60,8 @@ impl<'a> Charts<'a> {
                 }
                 let row = y.rem_euclid(height as i64) as usize;
                 let free = &mut rows[row];
-                let (mut x, last) = footprint.columns(y).into_inner();
+                let Some(columns) = footprint.columns(y) else { continue };
+                let (mut x, last) = columns.into_inner();
                 while x <= last && !free.is_empty() {
                     let column = x.rem_euclid(width as i64);
                     let next = free.at_or_after(column as usize);
@@ -96,7 +97,7 @@ impl<'a> Charts<'a> {
         let (first, last) = footprint.rows.clone().into_inner();
         let mut rows = (at_or_after(first, row, height)..=last).step_by(height as usize);
         let (x, y) = rows.find_map(|y| {
-            let (first, last) = footprint.columns(y).into_inner();
+            let (first, last) = footprint.columns(y)?.into_inner();
             let mut columns = (at_or_after(first, column, width)..=last).step_by(width as usize);
             columns.find(|&x| footprint.covers(x, y)).map(|x| (x, y))
         })?;
@@ -175,17 +176,17 @@ impl Footprint {
         Some(Self { corners, rows, columns, is_flat, slack })
     }
 
-    /// The columns of a row beyond which it covers no texel.
-    fn columns(&self, y: i64) -> RangeInclusive<i64> {
+    /// The columns of a row beyond which it covers no texel; none where it covers none.
+    fn columns(&self, y: i64) -> Option<RangeInclusive<i64>> {
         if self.is_flat {
-            return self.columns.clone();
+            return Some(self.columns.clone());
         }
         let (row, slack) = (y as f64 + 0.5, self.slack);
         let corners = self.corners.map(|corner| corner.to_array());
-        let Some([left, right]) = span(corners, row - slack, row + slack) else { return 1..=0 };
+        let [left, right] = span(corners, row - slack, row + slack)?;
         let first = ((left - slack - 0.5).ceil() as i64).max(*self.columns.start());
         let last = ((right + slack - 0.5).floor() as i64).min(*self.columns.end());
-        first..=last
+        Some(first..=last)
     }
 
     fn covers(&self, x: i64, y: i64) -> bool {

@@ -401,7 +401,8 @@ fn layers_that_no_painter_writes_are_damage() {
     let baked = ball(10_000, BakeFormat::Rgba8);
     let mut painter = baked.painter();
     painter.add_layer(Layer::fill("fill", &[Vec4::ONE; 2])).unwrap();
-    let changes: [(&str, fn(&mut Layer)); 3] = [
+    type Change = fn(&mut Layer);
+    let changes: [(&str, Change); 3] = [
         ("opacity", |layer| layer.opacity = 1.5),
         ("opacity", |layer| layer.opacity = f32::NAN),
         ("mask", |layer| layer.mask = Some(-0.5)),
