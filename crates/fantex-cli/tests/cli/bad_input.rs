@@ -30,6 +30,13 @@ fn wrong_command_lines_end_with_two() {
     fails(2, &["expected a whole number"], &[&"info", &"x.ply", &"--seed", &"-1"]);
     fails(2, &["expected a whole number"], &[&"compare", &"x.ply", &"y.ply", &"--samples", &"many"]);
     fails(2, &["above zero"], &[&"bench", &"fidelity", &"x.ply", &"--wavelength", &"0"]);
+    fails(2, &["1 to 65535"], &[&"serve", &"x.fan", &"--port", &"80000"]);
+    fails(2, &["finite number"], &[&"table", &"x.toml", &"-o", &"a.png", &"--time", &"nan"]);
+    fails(
+        2,
+        &["corner 2 is '1e300,0'"],
+        &[&"warp", &"x.png", &"-o", &"a.png", &"--map", &"affine", &"--corners", &"0,0 1e300,0 0,9"],
+    );
     fails(2, &["cannot be used with"], &[&"info", &"x.ply", &"--density", &"3", &"--texels", &"4M"]);
     fails(2, &["--memory"], &[&"info", &"x.ply", &"--memory", &"big"]);
     fails(2, &["--threads"], &[&"info", &"x.ply", &"--threads", &"0"]);

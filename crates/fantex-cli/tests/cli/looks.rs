@@ -795,3 +795,48 @@ fn normals_become_a_map_of_the_coarse_model() {
     let plain = write(folder.path(), "cube.ply", COLORED_PLY);
     fails(2, &["texture coordinates"], &[&"normals", &plain, &bottle(), &"-o", &folder.path().join("n.png")]);
 }
+
+/// What a look makes is counted before it is made.
+#[test]
+fn skies_and_shapes_that_are_too_large_are_refused_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let object =
+        |shape: &str| format!("[[object]]\nshape = {{ {shape} }}\nmaterial = \"m\"\n[materials.m]\n");
+    let plane = "kind = \"plane\"";
+    let cases = [
+        (
+            object(plane) + "[environment]\nsky = {}\nsize = 8192\n",
+            ["environment.sky", "6 x 8192 x 8192 texels"],
+        ),
+        (
+            object(plane) + "[environment]\ncolor = \"white\"\nform = \"sphere\"\nsize = 8192\n",
+            ["environment.size", "1 x 16384 x 8192 texels"],
+        ),
+        (object("kind = \"plane\", segments = 4096"), ["object[1].shape", "33554432 triangles"]),
+    ];
+    for (look, words) in cases {
+        let path = write(folder.path(), "big.toml", look);
+        let picture = folder.path().join("a.png");
+        let render: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"render", &path, &"-o", &picture];
+        fails(1, &words, &[&render[..], &[&"--memory", &"100M", &"--size", &"8x8"]].concat());
+        assert!(!picture.exists());
+    }
+}
+
+#[test]
+fn displacement_that_is_too_fine_names_its_keys() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = |edge: &str| {
+        format!(
+            "[[object]]\nshape = {{ kind = \"plane\" }}\nmaterial = \"m\"\n[textures.t]\nkind = \"noise\"\n[materials.m]\n\
+             displacement = {{ texture = \"t\", height = 0.1, edge = {edge}, max_triangles = 1000 }}\n"
+        )
+    };
+    for (edge, words) in [
+        ("0.01", ["edges of 0.01 make more than the 1 000 triangles", "max_triangles larger"]),
+        ("1e-9", ["edges of 0.000000001 are too short", "or more"]),
+    ] {
+        let path = write(folder.path(), "fine.toml", look(edge));
+        fails(1, &words, &[&"render", &path, &"-o", &folder.path().join("a.png"), &"--size", &"8x8"]);
+    }
+}

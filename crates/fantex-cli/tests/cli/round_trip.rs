@@ -686,3 +686,26 @@ fn what_cannot_be_opened_is_not_verified() {
         "{said}"
     );
 }
+
+#[test]
+fn a_shape_that_keeps_its_triangles_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // A fine ball on a plane that is ten million times as wide.
+    let mut model = fantex::mesh::generate::uv_sphere(40, 20);
+    let mut text = String::new();
+    for p in &mut model.positions {
+        text += &format!("v {:.12} {:.12} {:.12}\n", 1e-4 * p.x, 1e-4 * p.y, 1e-4 * p.z);
+    }
+    let count = model.positions.len();
+    text += "v -1000 -1 -1000\nv 1000 -1 -1000\nv 1000 -1 1000\nv -1000 -1 1000\n";
+    for [a, b, c] in &model.triangles {
+        text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
+    }
+    text += &format!("f {} {} {} {}\n", count + 4, count + 3, count + 2, count + 1);
+    let path = write(folder.path(), "mixed.obj", text);
+    let coarse = folder.path().join("coarse.obj");
+    let told = stderr(&succeeds(&[&"simplify", &path, &"-o", &coarse, &"--triangles", &"100"]));
+    assert!(told.contains("triangles are left where 100 were asked for"), "{told}");
+    let told = stderr(&succeeds(&[&"simplify", &path, &"-o", &coarse, &"--triangles", &"2k", &"--force"]));
+    assert!(!told.contains("asked for"), "{told}");
+}

@@ -1,5 +1,8 @@
 //! Fans for other programs: three look-ups in a sheet are the texture function.
 
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
+
 use fantex_bake::{NoProgress, Progress};
 use fantex_base::{ErrorKind, Random};
 use fantex_cover::{CoverOptions, TexelBudget};
@@ -209,16 +212,23 @@ fn files_that_exist_are_refused_before_anything_is_drawn() {
     }
 }
 
-/// What Pixar's reader wants, and what is each part's own.
+/// Whoever asks for an end once all is drawn has it, too.
 #[test]
-fn usd_has_families_of_subsets_and_names_any_file() {
-    let mut mesh = cleaned(generate::torus(8, 6));
-    let count = mesh.triangles.len();
-    mesh.materials =
-        [false, true].map(|double_sided| Material { double_sided, ..Material::default() }).to_vec();
-    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
-    mesh.parts =
-        Parts { names: vec!["front".into(), "both".into()], of_triangle: mesh.triangle_materials.clone() };
+fn exports_of_fans_end_after_drawing_when_asked_to() {
+    /// How often it was asked since all was drawn, once that is.
+    struct Ended(AtomicU32);
+    impl Progress for Ended {
+        fn report(&self, done: u64, total: u64) {
+            if done == total && total > 1000 {
+                self.0.fetch_max(1, Relaxed);
+            }
+        }
+
+        fn is_cancelled(&self) -> bool {
+            // Drawing asks once after its last report.
+            self.0.load(Relaxed) > 0 && self.0.fetch_add(1, Relaxed) > 1
+        }
+    }
     let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
     let options = FanFileOptions::default();
     export_fans(&waves.asset, &waves.path("a@@@b.usda"), &options, &NoProgress).unwrap();

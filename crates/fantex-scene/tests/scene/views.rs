@@ -62,8 +62,9 @@ mod camera {
 
     #[test]
     fn framing_depends_on_neither_size_nor_place() {
-        for (offset, scale) in [(0.0, 1e-12), (1e9, 1.0), (-1e9, 1e-3), (1e15, 1e3), (0.0, 1e20), (3.0, 1e-6)]
-        {
+        let places =
+            [(0.0, 1e-12), (1e9, 1.0), (-1e9, 1e-3), (1e15, 1e3), (0.0, 1e20), (3.0, 1e-6), (1e7, 1e-6)];
+        for (offset, scale) in places {
             let world_from_mesh = WorldFromMesh { offset: DVec3::splat(offset), scale };
             let mesh = Mesh { world_from_mesh, ..box_mesh() };
             let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.0);
