@@ -260,8 +260,9 @@ impl<'p> Summary<'p> {
         let (direction, error) = self.union_error(other, density)?;
         let (texels, squared) = (self.area + other.area, density * density);
         let (texels, error) = (texels * squared, error * squared);
-        let apart = self.cost + other.cost;
-        if error * texels * texels >= apart * apart * apart {
+        // The cubes of the costs, which single precision does not hold of small sets.
+        let [e, r, apart] = [error, texels, self.cost + other.cost].map(f64::from);
+        if e * r * r >= apart * apart * apart {
             return None;
         }
         let size = bounding_size(self.planar_outline(other, direction)) * density;
