@@ -229,6 +229,27 @@ fn exports_of_fans_end_after_drawing_when_asked_to() {
             self.0.load(Relaxed) > 0 && self.0.fetch_add(1, Relaxed) > 1
         }
     }
+    let mesh = cleaned(generate::torus(8, 6));
+    let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
+    for name in ["a.gltf", "a.glb", "a.usda"] {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, ended) = (folder.path().join(name), Ended(AtomicU32::new(0)));
+        let error = export_fans(&waves.asset, &path, &FanFileOptions::default(), &ended).unwrap_err();
+        assert!(error.is_cancelled(), "{error}");
+        assert!(folder.path().read_dir().unwrap().next().is_none());
+    }
+}
+
+/// What Pixar's reader wants, and what is each part's own.
+#[test]
+fn usd_has_families_of_subsets_and_names_any_file() {
+    let mut mesh = cleaned(generate::torus(8, 6));
+    let count = mesh.triangles.len();
+    mesh.materials =
+        [false, true].map(|double_sided| Material { double_sided, ..Material::default() }).to_vec();
+    mesh.triangle_materials = (0..count).map(|t| u32::from(t >= count / 2)).collect();
+    mesh.parts =
+        Parts { names: vec!["front".into(), "both".into()], of_triangle: mesh.triangle_materials.clone() };
     let waves = baked(&mesh, &Waves::color(2.0), 5000, fantex_bake::BakeFormat::Rgba8);
     let options = FanFileOptions::default();
     export_fans(&waves.asset, &waves.path("a@@@b.usda"), &options, &NoProgress).unwrap();

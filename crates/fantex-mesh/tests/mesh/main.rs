@@ -11,6 +11,7 @@ mod generate;
 mod gltf_files;
 mod hostile;
 mod parts;
+mod polygons;
 mod readers;
 mod simplify;
 mod surface;
