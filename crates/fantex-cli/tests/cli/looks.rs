@@ -809,7 +809,7 @@ fn skies_and_shapes_that_are_too_large_are_refused_at_once() {
             ["environment.sky", "6 x 8192 x 8192 texels"],
         ),
         (
-            object(plane) + "[environment]\ncolor = \"white\"\nform = \"sphere\"\nsize = 8192\n",
+            object(plane) + "[environment]\ncolor = \"#ffffff\"\nform = \"sphere\"\nsize = 8192\n",
             ["environment.size", "1 x 16384 x 8192 texels"],
         ),
         (object("kind = \"plane\", segments = 4096"), ["object[1].shape", "33554432 triangles"]),
