@@ -176,7 +176,7 @@ impl Camera {
 }
 
 /// What is kept between the eye and a box: a thousandth of its size, wherever it lies, but more than rounding takes away
-/// there. A single point has no size, and any distance shows it.
+/// there, which is 16 steps of double precision. A single point has no size, and any distance shows it.
 fn smallest_gap(min: DVec3, max: DVec3) -> f64 {
     let magnitude = min.abs().max(max.abs()).max_element();
     let size = (max - min).max_element();

@@ -66,9 +66,8 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     let (left, asked) = (coarse.triangles.len() as u64, args.triangles.0);
     if left > asked.saturating_add(asked / 10).max(MIN_LEFT) && asked < fine.triangles.len() as u64 {
         let (left, asked) = (counted(left, "triangle"), grouped(asked));
-        context.note(format!(
-            "{left} are left where {asked} were asked for: the others hold the shape together"
-        ));
+        context
+            .note(format!("{left} are left where {asked} were asked for; this shape cannot be made simpler"));
     }
     let info = SimplifyInfo {
         output: (&args.output).into(),
