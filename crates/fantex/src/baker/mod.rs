@@ -25,7 +25,7 @@ use fantex_bake::{
     plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
-use fantex_base::{Error, ReadLimits, Result};
+use fantex_base::{Error, ReadLimits, Result, input};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_mesh::check_hard_edges;
@@ -379,6 +379,8 @@ impl<'a> Baker<'a> {
         own_density: Option<OwnDensity>,
         goal: &Goal<'_>,
     ) -> Result<Baked> {
+        // What is read is known: it would not be overwritten at the end.
+        input::check_output(goal.path())?;
         check_size(mesh)?;
         let with_channels = FilledChannels::of(source, mesh, &self.channels);
         let source = with_channels.as_ref().map_or(source, |with| with as &dyn BakeSource);
