@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 /// One sample per pixel, trilinear.
-const QUICK_SETTINGS: &str = r#"{ "display": { "samples": 1, "anisotropy": 1 } }"#;
+pub(crate) const QUICK_SETTINGS: &str = r#"{ "display": { "samples": 1, "anisotropy": 1 } }"#;
 
 /// A running Xvfb; it ends with the value.
 pub(crate) struct Display {

@@ -2,7 +2,7 @@
 
 use fantex::store::{VerifyOptions, verify};
 
-use super::display::Display;
+use super::display::{Display, QUICK_SETTINGS};
 use super::{check_success, difference, save_asset, save_asset_of, save_model};
 
 #[test]
@@ -121,6 +121,7 @@ fn models_become_assets_with_layers_and_panels() {
     let folder = tempfile::tempdir().unwrap();
     let model = save_model(folder.path());
     let settings = folder.path().join("settings.json");
+    std::fs::write(&settings, QUICK_SETTINGS).unwrap();
     let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},
         {"layer":"add"},{"wait_painted":60},{"layer":{"rename":"Dirt"}},{"wait_painted":60},
         {"symmetry":{"kind":"mirror"}},{"color":"#102080"},{"channels":{"color":true,"material":true}},
