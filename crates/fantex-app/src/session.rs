@@ -276,7 +276,7 @@ impl Session {
         })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for (i, step) in session.steps.iter_mut().enumerate() {
-            step.check(i + 1)?;
+            step.check(i + 1).map_err(|error| error.in_file(path))?;
             step.resolve(folder);
         }
         Ok(session)
@@ -319,7 +319,8 @@ impl Step {
             | Self::SaveCopy(path) => {
                 *path = folder.join(&*path);
             }
-            Self::Texture(TextureChoice { look: Some(path), .. })
+            Self::Brush(BrushSettings { stamp: Some(path), .. })
+            | Self::Texture(TextureChoice { look: Some(path), .. })
             | Self::Stencil(StencilSettings { image: Some(path), .. }) => *path = folder.join(&*path),
             #[cfg(feature = "test-steps")]
             Self::WaitFile { path, .. } => *path = folder.join(&*path),
@@ -526,7 +527,7 @@ impl Wait {
             }
             Step::Hold { frames, .. } => Self::frames(*frames, now),
             Step::Play(_) => Self::until(|now| !now.is_playing, 0, FOREVER, now).with_frames(),
-            Step::Stroke { .. } => Self::until(|now| !now.is_acting, 2, FOREVER, now),
+            Step::Drag { .. } | Step::Stroke { .. } => Self::until(|now| !now.is_acting, 2, FOREVER, now),
             // What it changes is there in the next frame.
             _ => Self::frames(2, now),
         }

@@ -5,7 +5,9 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result, files};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::camera::{CameraMode, FlyMotion};
 use crate::display::DisplaySettings;
@@ -156,6 +158,27 @@ impl StreamingSettings {
     }
 }
 
+/// Reads what the program has kept. JSON has no infinite numbers, nor those that are none, and holds `null` instead: in its place comes what is
+/// usual.
+pub(crate) fn from_json<T: DeserializeOwned>(text: &[u8]) -> serde_json::Result<T> {
+    serde_json::from_slice(text).or_else(|error| {
+        let Ok(mut value) = serde_json::from_slice(text) else { return Err(error) };
+        drop_nulls(&mut value);
+        serde_json::from_value(value).map_err(|_| error)
+    })
+}
+
+fn drop_nulls(value: &mut Value) {
+    match value {
+        Value::Object(keys) => {
+            keys.retain(|_, value| !value.is_null());
+            keys.values_mut().for_each(drop_nulls);
+        }
+        Value::Array(items) => items.iter_mut().for_each(drop_nulls),
+        _ => {}
+    }
+}
+
 /// Renames a damaged file of the program's. Returns what the user is told.
 pub(crate) fn set_aside(path: &Path, what: &str, source: serde_json::Error) -> Error {
     let aside = path.with_extension("damaged.json");
@@ -175,7 +198,7 @@ impl Settings {
             Err(error) if error.kind() == ErrorKind::NotFound => return (Self::default(), None),
             Err(error) => return (Self::default(), Some(continued(error, "; starting with the usual ones"))),
         };
-        match serde_json::from_slice::<Self>(&bytes) {
+        match from_json::<Self>(&bytes) {
             Ok(settings) => (settings.sanitized(), None),
             Err(source) => (Self::default(), Some(set_aside(path, "the settings", source))),
         }

@@ -345,6 +345,7 @@ impl Viewer {
         self.cancel_opening();
         self.asked = None;
         self.removal = None;
+        self.exporting.take_if(|exporting| exporting.is_asked());
         self.live = None;
         self.painting = None;
         self.document = None;
@@ -589,15 +590,16 @@ impl Viewer {
 
     fn toggle_all_panels(&mut self) {
         let panels = &mut self.settings.panels;
+        let none = PanelSettings { tab: panels.tab, ..PanelSettings::NONE };
         match self.panels_before.take() {
             Some(before) if !(panels.has_inspector || panels.has_atlas || panels.has_graphs) => {
                 *panels = before
             }
-            _ => {
-                self.panels_before = Some(*panels);
-                let tab = panels.tab;
-                *panels = PanelSettings { tab, ..PanelSettings::NONE };
+            // They were hidden when the program ended.
+            None if *panels == none => {
+                *panels = PanelSettings { tab: panels.tab, ..PanelSettings::default() }
             }
+            _ => self.panels_before = Some(std::mem::replace(panels, none)),
         }
     }
 
@@ -706,7 +708,13 @@ impl Viewer {
         let paint = &mut self.settings.paint;
         match dialog {
             FileDialog::Open => self.open_file(path),
-            FileDialog::Surroundings => self.settings.light.surroundings = Surroundings::File(path),
+            FileDialog::Surroundings => {
+                // One that was chosen before is read again.
+                let key = MapKey::File(path.clone());
+                self.map.take_if(|map| map.key == key);
+                self.map_failed = None;
+                self.settings.light.surroundings = Surroundings::File(path);
+            }
             FileDialog::Stamp => paint.brush.stamp = Some(path),
             FileDialog::Sticker => paint.picture = Some(path),
             FileDialog::Stencil => (paint.stencil.image, paint.stencil.is_on) = (Some(path), true),

@@ -65,7 +65,16 @@ fn of_data(said: &str) -> Option<String> {
         ));
     }
     let (found, expected) = said.strip_prefix("invalid ")?.rsplit_once(", expected ")?;
-    Some(format!("expected {}, found {}", expected_in_words(expected), found_in_words(found)))
+    Some(match (found, expected) {
+        ("type: unit variant", _) => "this word needs a value: write it as a key in braces".to_owned(),
+        (_, "unit") => "this word has no value: write it alone, in quotation marks".to_owned(),
+        _ => {
+            // What is of the right type is negative, or too large.
+            let is_large = found.starts_with("value: integer ") && !found.contains('-');
+            let expected = expected_in_words(expected, is_large);
+            format!("expected {expected}, found {}", found_in_words(found))
+        }
+    })
 }
 
 /// Of what is said as `type: string "a"`, ``value: integer `-1` `` or `length 2`.
@@ -85,20 +94,32 @@ fn found_in_words(found: &str) -> &str {
 /// What is written in braces.
 const KEYS: &str = "keys and values in braces";
 
-fn expected_in_words(expected: &str) -> &str {
+fn expected_in_words(expected: &str, is_large: bool) -> &str {
     match expected {
-        "u64" | "u32" => "a whole number from 0",
+        "u8" if is_large => "a whole number up to 255",
+        "u16" if is_large => "a whole number up to 65535",
+        "u32" if is_large => "a whole number up to 4294967295",
+        "u64" | "u32" | "u16" | "u8" | "usize" => "a whole number from 0",
         "f64" | "f32" => "a number",
-        "a string" => "a text",
+        "a boolean" => "true or false",
+        "a string" | "path string" => "a text",
         "a sequence" => "a list",
+        "a map" => KEYS,
+        "an array of length 2" => "two numbers",
         "an array of length 3" => "three numbers",
         expected if expected.starts_with("struct ") => KEYS,
+        expected if expected.starts_with("tuple ") => match expected.rsplit_once(" with ") {
+            Some((_, "2 elements")) => "a list of two",
+            _ => "a list",
+        },
         other => other,
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
     use serde::Deserialize;
 
     use super::*;
@@ -113,9 +134,13 @@ mod tests {
 
     #[derive(Debug, Deserialize)]
     #[serde(rename_all = "snake_case")]
+    #[expect(dead_code, reason = "nothing is read from it")]
     enum Side {
         Left,
         Right,
+        Above(f64),
+        Between(f64, f64),
+        Part { corner: [f64; 3] },
     }
 
     #[derive(Debug, Deserialize)]
@@ -126,6 +151,11 @@ mod tests {
         side: Option<Side>,
         parts: Vec<Part>,
         part: Option<Part>,
+        level: Option<u8>,
+        index: Option<usize>,
+        pair: Option<[f32; 2]>,
+        is_open: Option<bool>,
+        file: Option<PathBuf>,
     }
 
     #[test]
@@ -140,6 +170,20 @@ mod tests {
             ("newmtl red", "line 1, column 2: this is no JSON"),
             ("{\"version\": -1}", ": expected a whole number from 0, found -1"),
             ("{\"version\": \"1\"}", ": expected a whole number from 0, found a text"),
+            ("{\"version\": 5000000000}", ": expected a whole number up to 4294967295, found 5000000000"),
+            ("{\"level\": 256}", ": expected a whole number up to 255, found 256"),
+            ("{\"index\": -1}", ": expected a whole number from 0, found -1"),
+            ("{\"index\": 1.5}", ": expected a whole number from 0, found 1.5"),
+            ("{\"pair\": [1]}", ": expected two numbers, found 1"),
+            ("{\"is_open\": 1}", ": expected true or false, found 1"),
+            ("{\"file\": 1}", ": expected a text, found 1"),
+            ("{\"side\": \"above\"}", ": this word needs a value: write it as a key in braces"),
+            ("{\"side\": \"between\"}", ": this word needs a value: write it as a key in braces"),
+            ("{\"side\": \"part\"}", ": this word needs a value: write it as a key in braces"),
+            ("{\"side\": {\"left\": 1}}", ": this word has no value: write it alone, in quotation marks"),
+            ("{\"side\": {\"between\": 1}}", ": expected a list, found 1"),
+            ("{\"side\": {\"between\": [1]}}", ": expected a list of two, found 1"),
+            ("{\"side\": {\"part\": 1}}", ": expected keys and values in braces, found 1"),
             ("{\"version\": 1, \"parts\": {}}", ": expected a list, found keys and values in braces"),
             ("{\"version\": 1, \"parts\": [7]}", ": expected keys and values in braces, found 7"),
             ("{\"version\": 1, \"part\": []}", ": expected "),
@@ -159,7 +203,9 @@ mod tests {
             let sentence = error.to_string();
             assert!(sentence.contains(expected), "{text:?}: {sentence}");
             let is_ours =
-                ["field", "struct", "u32", "f64", "sequence", "`"].iter().all(|w| !sentence.contains(w));
+                ["field", "struct", "u32", "f64", "usize", "sequence", "variant", "tuple", "array", "`"]
+                    .iter()
+                    .all(|word| !sentence.contains(word));
             assert!(is_ours && matches!(error.place(), Some(Place::Line(_))), "{text:?}: {sentence}");
         }
     }

@@ -6,7 +6,7 @@ use fantex::base::{Error, ErrorKind, Result};
 use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp, Tip};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::settings::{continued, read_limited, set_aside, write_whole};
+use crate::settings::{continued, from_json, read_limited, set_aside, write_whole};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -285,7 +285,7 @@ impl Presets {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
             Err(error) => return Err(continued(error, "; there are the usual ones")),
         };
-        let read = serde_json::from_slice::<Self>(&text).map(Self::with_own);
+        let read = from_json::<Self>(&text).map(Self::with_own);
         read.map_err(|source| set_aside(path, "the brushes", source))
     }
 

@@ -71,6 +71,11 @@ impl Viewpoint {
     }
 }
 
+/// Degrees from one direction to another, those from x to y positive; 0 where either has no length.
+pub(crate) fn degrees_between(from: DVec2, to: DVec2) -> f64 {
+    if from == DVec2::ZERO || to == DVec2::ZERO { 0.0 } else { from.angle_to(to).to_degrees() }
+}
+
 /// World-space position of a point of a surface.
 pub(crate) fn world_position(surface: &Surface, point: SurfacePoint) -> DVec3 {
     surface.mesh().world_from_mesh.point(surface.position(point).as_vec3())
@@ -173,4 +178,20 @@ fn circle(center: DVec3, normal: DVec3, radius: f64) -> Vec<DVec3> {
     let y = normal.cross(x);
     let turn = |k: usize| (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
     (0..POINTS).map(turn).map(|(sin, cos)| center + radius * (cos * x + sin * y)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pointer may be dragged over the middle of what it turns.
+    #[test]
+    fn directions_without_length_do_not_turn() {
+        assert_eq!(degrees_between(DVec2::X, DVec2::Y), 90.0);
+        for (from, to) in
+            [(DVec2::ZERO, DVec2::NEG_ONE), (DVec2::NEG_ONE, DVec2::ZERO), (DVec2::ZERO, DVec2::ZERO)]
+        {
+            assert_eq!(degrees_between(from, to), 0.0, "{from} {to}");
+        }
+    }
 }

@@ -40,7 +40,9 @@ impl Painting {
         self.follow_placing(settings, view, notices);
         let mut samples = Vec::new();
         for event in events {
-            if !is_pick && self.pen_on_placing(event, settings, view) {
+            // What was taken hold of is let go whatever is held by then.
+            let has_grip = self.placing.as_ref().is_some_and(Placing::is_held);
+            if (has_grip || !is_pick) && self.pen_on_placing(event, settings, view) {
                 self.follow_placing(settings, view, notices);
                 continue;
             }

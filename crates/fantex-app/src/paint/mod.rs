@@ -33,6 +33,7 @@ pub use asset_of_model::{Answer, Made, Question, asset_of_model};
 pub use bake::{NewAsset, asset_beside, bake_model};
 pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, TIPS, preview_stroke};
 pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
+pub(crate) use cursor::degrees_between;
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
 pub use files::{FileState, LoadedFile};

@@ -18,10 +18,12 @@ use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
+use crate::paint::texture::StickerShape;
 use crate::paint::{
     Alone, AlphaShown, ChosenTexture, Cursor, Exchange, FileState, LayerAction, LayerDrag, Leave, LoadedFile,
-    Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets, Report, SaveState, Section,
-    SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail, Viewpoint,
+    Order, PaintCommand, PaintSettings, PaintThread, PaintTool, PictureUse, Presets, Report, SaveState,
+    Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind, TextureChoice, Thumbnail,
+    Viewpoint,
 };
 use crate::readout::Values;
 use crate::viewer::{HandedOver, Wake};
@@ -95,6 +97,8 @@ pub struct Painting {
     pub(super) stamp: Option<(StampChoice, ChosenStamp)>,
     texture: Made<TextureChoice, Option<ChosenTexture>>,
     stencil: Made<PathBuf, Arc<StencilPicture>>,
+    /// A picture to lay onto the surface.
+    pub(super) sticker: Made<(PathBuf, PictureUse), StickerShape>,
     /// How far something is that takes long.
     pub work: Option<WorkProgress>,
     /// From where it was seen when the worker was last told.
@@ -157,6 +161,7 @@ impl Painting {
             stamp: None,
             texture: None,
             stencil: None,
+            sticker: None,
             work: None,
             told_view: None,
             strokes: 0,
@@ -278,7 +283,7 @@ impl Painting {
 
     /// Files that are painted with are read again: one of them was chosen.
     pub fn forget_files(&mut self) {
-        (self.stamp, self.texture, self.stencil) = (None, None, None);
+        (self.stamp, self.texture, self.stencil, self.sticker) = (None, None, None, None);
     }
 
     /// The texture that is chosen, made once and whenever its look's file has changed; none where a colour is, else why it cannot be made.

@@ -10,8 +10,8 @@ use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::texture::{StickerShape, sticker_shape};
 use crate::paint::{
-    ChannelSwitches, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, PictureUse, StickerKind,
-    StrokeStart, Viewpoint,
+    ChannelSwitches, FileState, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, PictureUse,
+    StickerKind, StrokeStart, Viewpoint, degrees_between,
 };
 
 /// Points from a handle within which it is taken.
@@ -159,34 +159,35 @@ impl Painting {
 
     /// Lets what is not applied follow the settings: text, picture, colours, size, angle. Another tool applies it. Once a frame.
     pub fn follow_placing(&mut self, settings: &mut PaintSettings, view: &Viewpoint, notices: &mut Notices) {
-        let Some(placing) = &mut self.placing else { return };
+        let Some(placing) = &self.placing else { return };
         if settings.tool != PaintTool::Sticker || placing.target != self.target {
             self.apply_placing();
             return;
         }
+        let shape = |of: &PaintSettings| (of.sticker, of.text.clone(), of.picture.clone(), of.picture_use);
+        let is_other = shape(&placing.settings) != shape(settings);
+        let made = is_other.then(|| self.sticker_shape(settings));
+        let Some(placing) = &mut self.placing else { return };
         placing.view = *view;
         let before = &placing.settings;
         if *before != *settings {
             if before.brush.unit == settings.brush.unit && before.brush.size > 0.0 {
                 placing.line *= settings.brush.size / before.brush.size;
             }
-            let shape =
-                |of: &PaintSettings| (of.sticker, of.text.clone(), of.picture.clone(), of.picture_use);
-            let is_other = shape(before) != shape(settings);
             placing.settings = settings.clone();
             placing.is_stale = true;
-            if is_other {
-                match sticker_shape(settings) {
-                    Ok(shape) => {
-                        shape.note.iter().for_each(|note| notices.warning(note));
-                        placing.shape = shape;
-                    }
-                    // A text that is being written may be empty.
-                    Err(_) if settings.sticker == StickerKind::Text => placing.is_stale = false,
-                    Err(error) => {
-                        placing.is_stale = false;
-                        notices.warning(error.to_string());
-                    }
+        }
+        match made {
+            None => {}
+            Some(Ok(shape)) => {
+                shape.note.iter().for_each(|note| notices.warning(note));
+                placing.shape = shape;
+            }
+            Some(Err(reason)) => {
+                placing.is_stale = false;
+                // A text that is being written may be empty.
+                if settings.sticker != StickerKind::Text {
+                    notices.warning(reason);
                 }
             }
         }
@@ -204,9 +205,7 @@ impl Painting {
         view: &Viewpoint,
         notices: &mut Notices,
     ) {
-        let shape = self
-            .sticker_channel(settings)
-            .and_then(|_| sticker_shape(settings).map_err(|error| error.to_string()));
+        let shape = self.sticker_channel(settings).and_then(|_| self.sticker_shape(settings));
         let shape = match shape {
             Ok(shape) => shape,
             Err(reason) => return notices.warning(reason),
@@ -231,6 +230,22 @@ impl Painting {
         if !self.show_placing(settings, view, notices) {
             self.placing = None;
         }
+    }
+
+    /// The text or the picture that is chosen; a picture is read once and whenever its file has changed. Else why there is none.
+    fn sticker_shape(&mut self, settings: &PaintSettings) -> Result<StickerShape, String> {
+        let make = || sticker_shape(settings).map_err(|error| error.to_string());
+        let picture = settings.picture.as_ref().filter(|_| settings.sticker == StickerKind::Picture);
+        let Some(path) = picture else { return make() };
+        let key = ((path.clone(), settings.picture_use), FileState::of(path));
+        if let Some((known, made)) = &self.sticker
+            && *known == key
+        {
+            return made.clone();
+        }
+        let made = make();
+        self.sticker = Some((key, made.clone()));
+        made
     }
 
     /// As it lies at a point, right for whoever looks from here.
@@ -355,7 +370,7 @@ impl Painting {
             }
             Grip::Turn(last) => {
                 // Rows go downwards: to the left is counter-clockwise.
-                let degrees = -from_middle(last).angle_to(from_middle(event.at)).to_degrees();
+                let degrees = -degrees_between(from_middle(last), from_middle(event.at));
                 let turned = settings.sticker_degrees + degrees as f32;
                 settings.sticker_degrees = (turned + 180.0).rem_euclid(360.0) - 180.0;
                 placing.settings.sticker_degrees = settings.sticker_degrees;
@@ -384,6 +399,11 @@ impl Painting {
 impl Placing {
     pub(super) fn decal(&self) -> &Decal {
         &self.decal
+    }
+
+    /// Whether the pointer has taken hold of it.
+    pub(super) fn is_held(&self) -> bool {
+        self.grip.is_some()
     }
 
     /// Distance of lines or length of a picture, mesh units.

@@ -55,10 +55,10 @@ impl Default for StencilSettings {
     }
 }
 
-/// Least and most height of the picture, in heights of the view.
-const HEIGHTS: [f64; 2] = [0.02, 20.0];
-
 impl StencilSettings {
+    /// Least and most height of the picture, in heights of the view.
+    pub const HEIGHTS: [f64; 2] = [0.02, 20.0];
+
     /// As high or as wide as the view, in its middle; `aspects` are width by height of picture and view.
     pub fn fit(&mut self, [picture, view]: [f64; 2]) {
         self.place.center = [0.0; 2];
@@ -78,7 +78,8 @@ impl StencilSettings {
     }
 
     pub fn scale(&mut self, by: f64) {
-        self.place.height = (self.place.height * by).clamp(HEIGHTS[0], HEIGHTS[1]);
+        let [least, most] = Self::HEIGHTS;
+        self.place.height = (self.place.height * by).clamp(least, most);
     }
 
     /// Turns it counter-clockwise.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use eframe::egui::{Align2, Area, Id, Order, Rect, RichText, Ui, vec2};
+use fantex::base::numbered;
 use fantex::store::ChannelKind;
 
 use super::bar::short_place;
@@ -178,7 +179,8 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
                     format!("{model} and the asset's mesh have {both} triangles, but at other places.")
                 }
             };
-            ui.label(format!("{difference} The asset has {} strokes in its log.", grouped(*strokes as u64)));
+            let (count, noun) = (grouped(*strokes as u64), numbered(*strokes, "stroke"));
+            ui.label(format!("{difference} The asset has {count} {noun} in its log."));
             texel_row(ui, &mut new.texels, Some(*texels), "as it has");
             hard_edges_row(ui, &mut new.hard_edges, "as the asset");
             ui.horizontal_wrapped(|ui| {

@@ -1,6 +1,7 @@
 //! The bar above everything: menus, camera mode, what is shown.
 
 use eframe::egui::{Align, Button, Color32, FontId, Label, Layout, RichText, TextStyle, Ui};
+use fantex::base::counted;
 
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::{Command, keys_of};
@@ -449,8 +450,8 @@ fn figures(ui: &mut Ui, viewer: &Viewer, width: f32) {
         } else {
             let objects = figures.objects.as_ref().map_or(0, |objects| objects.missing);
             let text = match figures.missing {
-                0 => format!("{objects} objects to come"),
-                parcels => format!("{parcels} parcels to come"),
+                0 => format!("{} to come", counted(objects, "object")),
+                parcels => format!("{} to come", counted(parcels, "parcel")),
             };
             (text, theme::WARNING)
         };

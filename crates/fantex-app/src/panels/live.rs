@@ -6,7 +6,7 @@ use eframe::egui::{
 };
 
 use super::scene::card;
-use super::widgets::{Itself, cached_texture, heading, hint, number};
+use super::widgets::{Itself, cached_texture, decimals_of, heading, hint, number};
 use crate::live::{LiveLook, pixels};
 use crate::theme;
 use crate::viewer::Viewer;
@@ -100,11 +100,7 @@ fn slider(ui: &mut Ui, live: &LiveLook, index: usize, name: &str, key: &str) -> 
     let high = one.high.unwrap_or(low.max(0.0) + reach).min(low.max(0.0) + reach.max(1.0));
     let (low, high) = (low.min(one.value), high.max(one.value));
     let mut value = one.value;
-    let decimals = if one.is_whole {
-        0
-    } else {
-        (2 - (high - low).max(1e-6).log10().floor() as i32).clamp(0, 6) as usize
-    };
+    let decimals = if one.is_whole { 0 } else { decimals_of(high - low) };
     number(name, "", decimals, key).show(ui, &mut value, low..=high);
     let is_allowed = one.low.is_none_or(|low| value >= low) && one.high.is_none_or(|high| value <= high);
     (value != one.value && is_allowed).then_some(value)

@@ -219,12 +219,11 @@ fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect) {
 /// How far opening is, and how to stop it.
 fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(opening) = &viewer.opening else { return };
+    ui.ctx().request_repaint_after_secs(0.1);
     // What is there at once needs no card.
     if opening.seconds() < 0.15 {
-        ui.ctx().request_repaint_after_secs(0.1);
         return;
     }
-    ui.ctx().request_repaint_after_secs(0.1);
     let mut is_cancelled = false;
     Area::new(Id::unique("opening"))
         .order(Order::Middle)

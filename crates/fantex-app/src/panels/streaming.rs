@@ -167,12 +167,15 @@ pub(super) fn show_atlas(ui: &mut Ui, viewer: &Viewer, atlas: &AtlasTexture) -> 
     let Some(id) = atlas.id else {
         hint(
             ui,
-            match viewer.document {
+            match &viewer.document {
                 None => "Open an asset: its tiles appear here as they are streamed.",
+                Some(document) if document.asset().is_some() => {
+                    "This channel is not in the atlas: what is drawn does not read it."
+                }
                 Some(_) => "Only assets (.fan) are streamed through an atlas.",
             },
         );
-        return None;
+        return chosen;
     };
     let [width, height] = atlas.extent.map(|n| n.max(1) as f32);
     let room = ui.available_size() - vec2(0.0, 44.0);

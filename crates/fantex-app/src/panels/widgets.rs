@@ -7,8 +7,8 @@ use std::sync::Arc;
 use eframe::egui::emath::Numeric;
 use eframe::egui::{
     Align, Align2, Button, Color32, ColorImage, ComboBox, CornerRadius, DragValue, FontId, Grid, Id, Layout,
-    Mesh, Pos2, Rect, Response, RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextureHandle,
-    TextureOptions, Ui, Vec2, pos2, vec2,
+    Mesh, Pos2, Rect, Response, RichText, Sense, Shape, Slider, SliderClamping, Stroke, StrokeKind,
+    TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,
 };
 
 use crate::document::Fact;
@@ -77,11 +77,14 @@ impl NumberRow<'_> {
         Self { is_logarithmic: true, ..self }
     }
 
-    /// Shows the row for a value within a range.
+    /// Shows the row for a value that is edited within a range. One that lies beyond it stays as it is until then.
     pub(super) fn show<N: Numeric>(&self, ui: &mut Ui, value: &mut N, range: RangeInclusive<N>) {
         ui.horizontal(|ui| {
             let label = name_label(ui, self.name);
-            let slider = Slider::new(value, range.clone()).show_value(false).logarithmic(self.is_logarithmic);
+            let slider = Slider::new(value, range.clone())
+                .show_value(false)
+                .logarithmic(self.is_logarithmic)
+                .clamping(SliderClamping::Edits);
             let response = ui.add(slider).labelled_by(label.id);
             if !self.tip.is_empty() {
                 response.on_hover_text(self.tip);
@@ -90,12 +93,23 @@ impl NumberRow<'_> {
             let speed = if self.is_logarithmic { value.to_f64() * 0.02 } else { (high - low) / 400.0 };
             let number = DragValue::new(value)
                 .range(range)
+                .clamp_existing_to_range(false)
                 .speed(speed)
                 .suffix(self.suffix)
                 .fixed_decimals(self.decimals);
             ui.add(number).labelled_by(label.id);
         });
     }
+}
+
+/// How many decimals show a hundredth of a length or of a range.
+pub(super) fn decimals_of(length: f64) -> usize {
+    (2 - length.max(1e-9).log10().floor() as i32).clamp(0, 9) as usize
+}
+
+/// Whether the hand still changes something: the pointer is down, or something is being typed.
+pub(super) fn is_held(ui: &Ui) -> bool {
+    ui.input(|i| i.pointer.any_down()) || ui.ctx().egui_wants_keyboard_input()
 }
 
 /// A button with a file's name that asks for another one.
@@ -289,4 +303,17 @@ fn filled_below(points: &[Pos2], bottom: f32, color: Color32) -> Shape {
 /// A button of a bar that is pressed while something is on.
 pub(super) fn switch(ui: &mut Ui, is_on: bool, text: &str, tip: &str) -> bool {
     ui.add(Button::selectable(is_on, text)).on_hover_text(tip).clicked()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimals_follow_the_size() {
+        assert_eq!(
+            [2000.0, 30.0, 1.0, 0.02, 3e-6, 0.0, f64::INFINITY].map(decimals_of),
+            [0, 1, 2, 4, 8, 9, 0]
+        );
+    }
 }

@@ -57,8 +57,12 @@ impl AtlasView {
         if !(is_other || self.is_stale && is_due) {
             return;
         }
-        let Some(atlas) = model.atlas_texture(channel) else { return };
         self.is_stale = false;
+        let Some(atlas) = model.atlas_texture(channel) else {
+            // Not the picture of another channel.
+            self.drawn = None;
+            return;
+        };
         let extent = [atlas.width(), atlas.height()];
         let mut drawn = match self.drawn.take() {
             Some(drawn) if drawn.extent == extent => drawn,

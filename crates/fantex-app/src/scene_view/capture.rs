@@ -42,6 +42,10 @@ impl Capturing {
         Ok(Self { path, texture, readback })
     }
 
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     pub(super) fn view(&self) -> wgpu::TextureView {
         self.texture.create_view(&Default::default())
     }

@@ -101,11 +101,10 @@ impl FanScene {
         (camera, size): (&Camera, [u32; 2]),
         frame: FrameOptions,
     ) -> Result<bool> {
-        let settings = viewer.settings.streaming;
-        self.follow_settings(gpu, viewer, frame.elapsed_seconds)?;
-        if !settings.is_running {
+        if !viewer.settings.streaming.is_running {
             return Ok(self.upload_painted(gpu));
         }
+        self.follow_settings(gpu, viewer, frame.elapsed_seconds)?;
         if std::mem::replace(&mut self.retries, viewer.retries) != viewer.retries {
             self.streamed.streamer.retry_damaged();
         }
@@ -231,6 +230,8 @@ impl FanScene {
         channel: usize,
         seconds: f64,
     ) -> Option<AtlasPicture<'_>> {
+        // The last model may have had more channels.
+        let channel = channel.min(self.asset.channels().len().saturating_sub(1));
         self.atlas_view.update(gpu, encoder, &self.streamed.model, channel, seconds);
         self.atlas_view.picture()
     }

@@ -59,6 +59,8 @@ pub struct SceneView {
     captures: Vec<Capturing>,
     /// In the order in which they were asked for.
     awaited: Vec<Awaited>,
+    /// Those that could not be drawn, until that is told.
+    failed: Vec<Captured>,
     last_stream_seconds: Option<f64>,
 }
 
@@ -73,6 +75,7 @@ impl SceneView {
             kept: None,
             captures: Vec::new(),
             awaited: Vec::new(),
+            failed: Vec::new(),
             last_stream_seconds: None,
         }
     }
@@ -110,7 +113,7 @@ impl SceneView {
             None => (viewer.camera(), viewer.scene_pixels),
         };
         let has_arrived = model.stream(&self.gpu, viewer, (&camera, size), elapsed as f32)?;
-        self.capture_awaited(seconds)?;
+        self.capture_awaited(seconds);
         let Some(model) = &mut self.model else { return Ok(false) };
         if let Some(scene) = model.fan() {
             viewer.readout.follow(|group, level, uv| scene.drawn_level(group, level, uv));
@@ -204,7 +207,7 @@ impl SceneView {
             return Err(Error::invalid(message));
         };
         let capturing = Capturing::new(&self.gpu, size, path)?;
-        let awaited = Awaited { capturing, seen: Seen::of(viewer), size, frames: 0, since: viewer.now() };
+        let awaited = Awaited { capturing, seen: Seen::of(viewer), size, frames: 0, since: None };
         let is_streamed = model.is_streamed() && viewer.settings.streaming.is_running;
         if size == viewer.scene_pixels || viewer.scene_pixels.contains(&0) || !is_streamed {
             return self.draw_awaited(awaited);
@@ -214,15 +217,18 @@ impl SceneView {
     }
 
     /// Takes the first picture that waits, once what it shows is there.
-    fn capture_awaited(&mut self, seconds: f64) -> Result<()> {
+    fn capture_awaited(&mut self, seconds: f64) {
         let is_settled = self.is_settled();
-        let Some(first) = self.awaited.first_mut() else { return Ok(()) };
+        let Some(first) = self.awaited.first_mut() else { return };
         first.frames += 1;
-        if (is_settled && first.frames >= AWAITED_FRAMES) || seconds - first.since > AWAITED_SECONDS {
+        let since = *first.since.get_or_insert(seconds);
+        if (is_settled && first.frames >= AWAITED_FRAMES) || seconds - since > AWAITED_SECONDS {
             let awaited = self.awaited.remove(0);
-            self.draw_awaited(awaited)?;
+            let path = awaited.capturing.path().to_owned();
+            if let Err(error) = self.draw_awaited(awaited) {
+                self.failed.push(Captured { path, image: Err(error) });
+            }
         }
-        Ok(())
     }
 
     fn draw_awaited(&mut self, awaited: Awaited) -> Result<()> {
@@ -235,7 +241,7 @@ impl SceneView {
         Ok(())
     }
 
-    /// Pictures that are ready, as soon as they are.
+    /// Pictures that are ready, as soon as they are, and those that could not be drawn.
     pub fn poll_captures(&mut self) -> Vec<Captured> {
         let (ready, pending) = std::mem::take(&mut self.captures).into_iter().partition(Capturing::is_ready);
         self.captures = pending;
@@ -244,18 +250,19 @@ impl SceneView {
             self.capturer = None;
         }
         let ready: Vec<Capturing> = ready;
-        ready.into_iter().map(Capturing::finish).collect()
+        self.failed.drain(..).chain(ready.into_iter().map(Capturing::finish)).collect()
     }
 
     /// Gives up pictures for files that are under way: one error for each.
     pub fn abandon_captures(&mut self) -> Vec<Error> {
         let awaited = self.awaited.drain(..).map(|awaited| awaited.capturing);
-        self.captures.drain(..).chain(awaited).map(Capturing::into_lost).collect()
+        let lost = self.captures.drain(..).chain(awaited).map(Capturing::into_lost);
+        self.failed.drain(..).filter_map(|failed| failed.image.err()).chain(lost).collect()
     }
 
     /// Pictures for files that are under way.
     pub fn captures_due(&self) -> usize {
-        self.captures.len() + self.awaited.len()
+        self.captures.len() + self.awaited.len() + self.failed.len()
     }
 
     /// Whether streaming has nothing to do until the view changes: everything that is seen has the level that it can have.
@@ -286,7 +293,8 @@ struct Awaited {
     seen: Seen,
     size: [u32; 2],
     frames: u32,
-    since: f64,
+    /// When it became the first one, seconds.
+    since: Option<f64>,
 }
 
 /// What a picture shows, besides the model.

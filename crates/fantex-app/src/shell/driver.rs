@@ -12,6 +12,7 @@ use crate::export::ExportSettings;
 use crate::light::Surroundings;
 use crate::paint::{PaintCommand, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, SessionRunner, Situation, Step};
+use crate::settings::StreamingSettings;
 use crate::viewer::{PathState, PictureSize, Request, Viewer};
 
 /// Frames over which a drag is spread.
@@ -160,7 +161,10 @@ impl Driver {
                     file => Surroundings::File(file.into()),
                 };
             }
-            Step::Pool(mebibytes) => viewer.settings.streaming.pool_mib = mebibytes.max(1),
+            Step::Pool(mebibytes) => {
+                let [least, most] = StreamingSettings::POOL_MIB;
+                viewer.settings.streaming.pool_mib = mebibytes.clamp(least, most);
+            }
             Step::Play(file) => {
                 viewer.load_path(Path::new(&file));
                 viewer.command(Command::TogglePlayback);
@@ -266,7 +270,8 @@ impl InputQueue {
     fn hold(&mut self, names: &[String], frames: u32) {
         let found = names.iter().filter_map(|name| parse_keys(name));
         self.held = found.map(|(_, key)| key).collect();
-        self.held_frames = frames;
+        // A key that is not let go would be held for ever.
+        self.held_frames = frames.max(1);
         self.coming.push_back(self.held.iter().map(|&key| key_event(key, true, Modifiers::NONE)).collect());
     }
 
@@ -318,4 +323,24 @@ impl InputQueue {
 
 fn key_event(key: Key, pressed: bool, modifiers: Modifiers) -> Event {
     Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn held_keys_are_let_go() {
+        for frames in [0, 1, 3] {
+            let mut queue = InputQueue::default();
+            queue.hold(&["W".to_owned()], frames);
+            let mut input = RawInput::default();
+            (0..frames.max(1)).for_each(|_| queue.inject(&mut input));
+            let pressed = input.events.iter().map(|event| match event {
+                Event::Key { pressed, .. } => *pressed,
+                other => panic!("{other:?}"),
+            });
+            assert_eq!(pressed.collect::<Vec<_>>(), [true, false], "{frames} frames");
+        }
+    }
 }

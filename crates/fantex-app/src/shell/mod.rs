@@ -375,6 +375,8 @@ impl<'a> Shell<'a> {
 
     fn remember_window(&mut self, ctx: &egui::Context) {
         let window = &mut self.workspace.viewer.settings.window;
+        // A window is opened by points that are not zoomed.
+        let zoom = ctx.zoom_factor();
         ctx.input(|i| {
             let info = i.viewport();
             window.is_maximized = info.maximized.unwrap_or(false);
@@ -382,9 +384,10 @@ impl<'a> Shell<'a> {
                 return;
             }
             if let Some(inner) = info.inner_rect.filter(|r| r.width() >= 100.0 && r.height() >= 100.0) {
-                window.size = inner.size().into();
+                window.size = (inner.size() * zoom).into();
             }
-            window.position = info.outer_rect.map(|outer| outer.min.into()).or(window.position);
+            let position = info.outer_rect.map(|outer| (outer.min.to_vec2() * zoom).into());
+            window.position = position.or(window.position);
         });
     }
 

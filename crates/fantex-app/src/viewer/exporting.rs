@@ -261,7 +261,7 @@ fn listed(files: &[PathBuf]) -> String {
         [] => "nothing is".into(),
         [one] => format!("{} is", name(one)),
         [first, others @ ..] => {
-            format!("{} and {} are", name(first), counted(others.len() as u64, "more file"))
+            format!("{} and {} are", name(first), counted(others.len(), "more file"))
         }
     }
 }
@@ -270,7 +270,9 @@ fn said(files: &[PathBuf]) -> String {
     match files {
         [] => "Nothing was written.".into(),
         [one] => format!("Saved {}.", one.display()),
-        [first, others @ ..] => format!("Saved {} and {} files beside it.", first.display(), others.len()),
+        [first, others @ ..] => {
+            format!("Saved {} and {} beside it.", first.display(), counted(others.len(), "file"))
+        }
     }
 }
 

@@ -133,7 +133,6 @@ impl Viewer {
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
-        painting.follow_placing(settings, &view, &mut self.notices);
         let is_for_pen = !input.turns_sun || painting.has_hand_down();
         // A button that is let go ends what it began, whatever is held.
         let pen: Vec<PenEvent> =

@@ -7,18 +7,19 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{AccessKitNode, Queryable};
 
-use fantex::paint::{Target, Tip};
+use fantex::glam::DVec2;
+use fantex::paint::{MaskMeasure, Target, Tip};
 use fantex::store::{Asset, ChannelKind};
 use fantex_app::camera::{CameraMode, ViewPreset};
 use fantex_app::command::{Command, keys_of};
 use fantex_app::display::TONE_MAPS;
 use fantex_app::document::{ChannelFact, Document, Fact, Place};
 use fantex_app::figures::{DamagedPart, LevelFigures, ObjectFigures};
-use fantex_app::paint::LayerAction;
-use fantex_app::panels::{Textures, show};
+use fantex_app::paint::{LayerAction, PaintCommand, Painting, PenEvent, PenPhase};
+use fantex_app::panels::{AtlasTexture, Textures, show};
 use fantex_app::settings::{PanelSettings, Settings, Tab};
 use fantex_app::theme;
-use fantex_app::viewer::{FileDialog, Request, Viewer};
+use fantex_app::viewer::{FileDialog, Request, SceneInput, Viewer};
 
 pub(crate) fn empty() -> Viewer {
     Viewer::new(Settings::default(), None, Arc::new(|| {}))
@@ -363,6 +364,24 @@ fn the_history_goes_back_to_the_original() {
     assert_eq!(layers(&harness), 1);
 }
 
+/// However long it is, what is in sight is laid out, and it ends with the last step.
+#[test]
+fn a_long_history_costs_no_more_than_a_short_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = with_painting(folder.path());
+    wait_painted(&mut viewer);
+    let snapshot = &mut viewer.painting.as_mut().unwrap().snapshot;
+    (snapshot.older, snapshot.done) = (500, vec!["paint".to_owned(); 998]);
+    snapshot.undone = vec!["fill".to_owned(), "blur".to_owned()];
+    let mut harness = harness(viewer, [1380.0, 1500.0]);
+    harness.run_steps(4);
+    let laid_out = harness.query_all_by_label_contains("   paint").count();
+    assert!((2..40).contains(&laid_out), "{laid_out}");
+    for last in ["1498   paint", "1499   blur", "1500   fill"] {
+        harness.get_by_label(last);
+    }
+}
+
 #[test]
 fn textured_brushes_are_taken_by_their_name() {
     let folder = tempfile::tempdir().unwrap();
@@ -613,4 +632,132 @@ fn objects_of_a_world_that_are_to_come_are_counted() {
     let harness = harness(viewer, [1280.0, 800.0]);
     harness.get_by_label("3 objects to come");
     assert!(harness.query_by_label_contains("parcels to come").is_none());
+    let mut viewer = with_asset(Tab::Model);
+    viewer.figures.missing = 1;
+    crate::panels::harness(viewer, [1280.0, 800.0]).get_by_label("1 parcel to come");
+}
+
+/// A window with one layer that is chosen, after a stroke.
+fn with_layer(folder: &std::path::Path) -> (Harness<'static, Viewer>, u64) {
+    let mut viewer = with_painting(folder);
+    wait_painted(&mut viewer);
+    viewer.layer_action(&LayerAction::Add);
+    wait_painted(&mut viewer);
+    let id = viewer.painting.as_ref().unwrap().snapshot.layers[0].id();
+    (viewer.scene_pixels, viewer.pixels_per_point) = ([500, 500], 1.0);
+    viewer.show(ViewPreset::Top);
+    let at = |phase, x| PenEvent { phase, at: DVec2::new(x, 0.85), pressure: 1.0 };
+    let pen = vec![at(PenPhase::Down, 0.5), at(PenPhase::Up, 0.55)];
+    viewer.navigate(&SceneInput { pen, ..SceneInput::default() }, 0.016);
+    wait_painted(&mut viewer);
+    let mut harness = harness(viewer, [1380.0, 1600.0]);
+    harness.run_steps(2);
+    (harness, id)
+}
+
+fn painting<'a>(harness: &'a Harness<'static, Viewer>) -> &'a Painting {
+    harness.state().painting.as_ref().unwrap()
+}
+
+/// From both menus that offer it.
+#[test]
+fn masks_of_distances_begin_where_the_pen_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, _) = with_layer(folder.path());
+    let to = painting(&harness).last_position().to_array();
+    assert_ne!(to, painting(&harness).bounds.center().to_array());
+    for is_context in [true, false] {
+        if is_context {
+            harness.get_by_label("Layer 1").click_secondary();
+            harness.run_steps(3);
+            harness.get_by_label_contains("Mask from").click();
+        } else {
+            harness.get_by_label("From …").click();
+        }
+        harness.run_steps(3);
+        harness.get_by_role_and_label(Role::Button, "Distance").click();
+        harness.run_steps(2);
+        wait_painted(harness.state_mut());
+        harness.run_steps(2);
+        let source = painting(&harness).snapshot.layers[0].mask_source.unwrap();
+        assert_eq!(source.by, MaskMeasure::Distance { to }, "{is_context}");
+        harness.state_mut().command(Command::Paint(PaintCommand::Undo));
+        wait_painted(harness.state_mut());
+        harness.run_steps(2);
+    }
+}
+
+/// Files may say what no control would.
+#[test]
+fn what_is_only_shown_is_not_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, id) = with_layer(folder.path());
+    let by = MaskMeasure::Noise { scale: 3.0, seed: 1234 };
+    harness.state_mut().layer_action(&LayerAction::MakeMask(id, Some(by.source())));
+    wait_painted(harness.state_mut());
+    let steps = painting(&harness).snapshot.done.len();
+    for _ in 0..3 {
+        harness.run_steps(2);
+        wait_painted(harness.state_mut());
+    }
+    let snapshot = &painting(&harness).snapshot;
+    assert_eq!(snapshot.layers[0].mask_source, Some(by.source()));
+    assert_eq!(snapshot.done.len(), steps, "{:?}", snapshot.done);
+}
+
+#[test]
+fn an_opacity_that_is_typed_is_one_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut harness, _) = with_layer(folder.path());
+    let steps = painting(&harness).snapshot.done.len();
+    // The brush has one, too, in the panel at the left.
+    let rows = harness.get_all_by_label("Opacity").map(|node| node.rect());
+    let row = rows.max_by(|a, b| a.left().total_cmp(&b.left())).unwrap();
+    let is_its = |at: Pos2| row.y_range().contains(at.y) && at.x > row.left();
+    let field = harness.get_all_by_role(Role::SpinButton).find(|field| is_its(field.rect().center()));
+    field.unwrap().focus();
+    harness.run_steps(2);
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    for text in ["2", "5"] {
+        harness.event(Event::Text(text.into()));
+        harness.run_steps(2);
+        wait_painted(harness.state_mut());
+        harness.run_steps(2);
+    }
+    harness.key_press(Key::Enter);
+    harness.run_steps(4);
+    wait_painted(harness.state_mut());
+    let snapshot = &painting(&harness).snapshot;
+    assert!((snapshot.layers[0].opacity - 0.25).abs() < 1e-6, "{}", snapshot.layers[0].opacity);
+    assert_eq!(snapshot.done.len(), steps + 1, "{:?}", snapshot.done);
+}
+
+/// The height of an asset is not drawn itself.
+#[test]
+fn a_channel_that_is_not_in_the_atlas_is_told_and_another_one_can_be_chosen() {
+    let mut viewer = with_asset(Tab::Model);
+    viewer.settings.panels.has_atlas = true;
+    let channel = |kind| ChannelFact { kind, format: "R8".into() };
+    viewer.document.as_mut().unwrap().channels = vec![channel("Base colour"), channel("Displacement")];
+    let chosen = Arc::new(std::sync::Mutex::new(None));
+    let seen = chosen.clone();
+    let mut harness = Harness::builder().with_size(vec2(1380.0, 800.0)).build_ui_state(
+        move |ui, viewer: &mut Viewer| {
+            let atlas = AtlasTexture { channel: 1, ..AtlasTexture::default() };
+            let shown = show(ui, viewer, &Textures { atlas, ..Textures::default() });
+            let mut chosen = seen.lock().unwrap();
+            *chosen = chosen.or(shown.atlas_channel);
+        },
+        viewer,
+    );
+    harness.run_steps(2);
+    harness.get_by_label_contains("This channel is not in the atlas");
+    let is_list = |node: &AccessKitNode<'_>| {
+        node.role() == Role::ComboBox && node.value().as_deref() == Some("Displacement")
+    };
+    harness.get_by(is_list).click();
+    harness.run_steps(3);
+    harness.get_by_label("Base colour").click();
+    harness.run_steps(3);
+    assert_eq!(*chosen.lock().unwrap(), Some(0));
 }

@@ -182,6 +182,20 @@ fn handles_move_scale_and_turn() {
     assert!(first.outline.len() > 16 && studio.painting.snapshot.done.is_empty());
 }
 
+/// Alt may be held by the time at which the button is let go.
+#[test]
+fn what_is_let_go_does_not_follow_the_pointer() {
+    let mut studio = with_sticker();
+    click(&mut studio, 0.5, 0.85);
+    studio.pen(PenPhase::Down, 0.5, 0.85, FREE);
+    studio.pen(PenPhase::Move, 0.55, 0.84, FREE);
+    studio.pen(PenPhase::Up, 0.55, 0.84, [false, true]);
+    let middle = |studio: &Studio| studio.painting.placing_outline(&studio.view).unwrap().middle;
+    let there = middle(&studio);
+    studio.pen(PenPhase::Move, 0.62, 0.84, FREE);
+    assert_eq!(middle(&studio), there);
+}
+
 /// What is applied is what was shown, and the log lays it again.
 #[test]
 fn the_preview_is_what_is_applied_with_colour_text_and_symmetry_as_they_are_by_then() {

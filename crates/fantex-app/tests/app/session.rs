@@ -27,13 +27,16 @@ fn every_step_has_its_text() {
     assert_eq!(found.steps.len(), 24);
     let Step::Screenshot { path, .. } = &found.steps[16] else { panic!("{:?}", found.steps[16]) };
     assert!(path.is_absolute(), "paths are relative to the session: {}", path.display());
+    let brush = session(r#"{"steps":[{"brush":{"stamp":"leaf.png"}}]}"#).unwrap();
+    let Step::Brush(brush) = &brush.steps[0] else { panic!("{:?}", brush.steps[0]) };
+    assert!(brush.stamp.as_ref().is_some_and(|path| path.is_absolute() && path.ends_with("leaf.png")));
 }
 
 #[test]
 fn wrong_sessions_are_refused_in_a_sentence() {
     let message = |text| session(text).unwrap_err().to_string();
     assert!(message("{\"steps\":[{\"jump\":1}]}").contains("jump"));
-    assert!(message("{\"steps\":[\"quit\",{\"key\":\"Hyper\"}]}").contains("step 2"));
+    assert!(message("{\"steps\":[\"quit\",{\"key\":\"Hyper\"}]}").contains("session.json: step 2"));
     assert!(message("{").contains("no session"));
 }
 
@@ -53,6 +56,14 @@ fn steps_wait_for_what_they_asked_for() {
     );
     assert_eq!(runner.next(&at(7)).unwrap(), Act::Wait, "no frame need be drawn for it");
     assert_eq!(runner.next(&Situation { is_sharp: true, ..at(8) }).unwrap(), Act::End);
+}
+
+#[test]
+fn what_comes_after_a_drag_waits_for_its_end() {
+    let mut runner = SessionRunner::new(session(r#"{"steps":[{"drag":{"x":0.1,"y":0}},"quit"]}"#).unwrap());
+    assert!(matches!(runner.next(&at(0)).unwrap(), Act::Do(Step::Drag { .. })));
+    assert_eq!(runner.next(&Situation { is_acting: true, ..at(9) }).unwrap(), Act::NextFrame);
+    assert_eq!(runner.next(&at(10)).unwrap(), Act::End);
 }
 
 #[test]

@@ -71,6 +71,25 @@ fn nonsense_numbers_are_brought_into_range() {
     assert_eq!((settings.paint.brush.size, settings.paint.brush.hardness), (60.0, 0.5));
 }
 
+/// They are `null` in JSON, and all else is kept.
+#[test]
+fn numbers_that_are_none_do_not_cost_the_other_settings() {
+    let (_folder, path) = file("{}");
+    let mut settings = Settings::default();
+    settings.remember("a.glb");
+    let paint = &mut settings.paint;
+    (paint.stencil.place.angle, paint.stencil.place.height) = (f64::NAN, 2.0);
+    (paint.material.height, paint.sticker_degrees, paint.brush.spacing) =
+        (f32::INFINITY, f32::NAN, f32::NEG_INFINITY);
+    settings.save(&path).unwrap();
+    let (again, problem) = Settings::load(&path);
+    assert!(problem.is_none(), "{problem:?}");
+    let paint = &mut settings.paint;
+    (paint.stencil.place.angle, paint.material.height) = (0.0, 0.5);
+    (paint.sticker_degrees, paint.brush.spacing) = (0.0, 0.12);
+    assert_eq!(again, settings);
+}
+
 #[test]
 fn the_last_file_is_the_first_of_the_recent_ones() {
     let mut settings = Settings::default();

@@ -6,13 +6,14 @@ use egui_kittest::kittest::Queryable;
 use fantex::base::Error;
 use fantex::glam::{DVec2, DVec3};
 use fantex::scene::Camera;
+use fantex::texture::{ColorSpace, Image, Samples};
 use fantex_app::camera::{CameraMode, Ground, ViewPreset};
 use fantex_app::command::{Command, shortcuts};
 use fantex_app::document::{PAINTER_SHARE, Place, Stage};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
-use fantex_app::settings::Settings;
-use fantex_app::viewer::{PathState, Request, SceneInput, Viewer};
+use fantex_app::settings::{PanelSettings, Settings, Tab};
+use fantex_app::viewer::{FileDialog, PathState, Request, SceneInput, Viewer};
 
 fn viewer() -> Viewer {
     let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
@@ -308,6 +309,58 @@ fn all_panels_come_back_as_they_were() {
     assert!(!viewer.settings.panels.has_inspector && !viewer.settings.panels.has_atlas);
     viewer.command(Command::ToggleAllPanels);
     assert_eq!(viewer.settings.panels, before);
+}
+
+/// Who quits with hidden panels finds them again.
+#[test]
+fn panels_that_were_hidden_at_the_end_come_back() {
+    let mut viewer = viewer();
+    viewer.command(Command::ToggleAllPanels);
+    let mut settings = viewer.settings;
+    settings.panels.tab = Tab::Light;
+    let mut viewer = Viewer::new(settings, None, Arc::new(|| {}));
+    viewer.command(Command::ToggleAllPanels);
+    let shown = viewer.settings.panels;
+    assert_eq!(shown, PanelSettings { tab: Tab::Light, ..PanelSettings::default() });
+    viewer.command(Command::ToggleAllPanels);
+    assert!(!viewer.settings.panels.has_inspector);
+    viewer.command(Command::ToggleAllPanels);
+    assert_eq!(viewer.settings.panels, shown);
+}
+
+/// A picture that could not be read is read once it is chosen again.
+#[test]
+fn surroundings_that_are_chosen_again_are_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.png");
+    let mut viewer = viewer();
+    let light_of = |color: u8| {
+        let (space, samples) = (ColorSpace::Srgb, Samples::U8(vec![color; 3 * 64 * 32]));
+        Image { width: 64, height: 32, channels: 3, space, samples }.save(&path).unwrap();
+    };
+    std::fs::write(&path, "no picture").unwrap();
+    viewer.take_file(FileDialog::Surroundings, path.clone());
+    wait(&mut viewer);
+    assert!(crate::errors(&viewer.notices) == 1 && viewer.lights().ambient.environment.is_none());
+    light_of(50);
+    viewer.take_file(FileDialog::Surroundings, path.clone());
+    wait(&mut viewer);
+    let first = viewer.lights().ambient.environment.unwrap();
+    light_of(200);
+    viewer.take_file(FileDialog::Surroundings, path.clone());
+    wait(&mut viewer);
+    let second = viewer.lights().ambient.environment.unwrap();
+    assert!(!Arc::ptr_eq(&first.map, &second.map), "it shows what the file holds");
+}
+
+/// What is asked of an asset ends with it.
+#[test]
+fn nothing_is_asked_of_what_is_closed() {
+    let mut viewer = crate::panels::with_asset(Tab::Model);
+    viewer.command(Command::Export);
+    assert!(viewer.exporting.is_some());
+    viewer.command(Command::Close);
+    assert!(viewer.document.is_none() && viewer.exporting.is_none());
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::paint::{
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
-    cached_texture, choice, file_button, framed_picture, heading, hint, number, row, segments,
+    cached_texture, choice, decimals_of, file_button, framed_picture, heading, hint, number, row, segments,
 };
 use crate::settings::label_of;
 use crate::theme;
@@ -18,6 +18,7 @@ use fantex::paint::BlendMode;
 const PREVIEW: [usize; 2] = [244, 64];
 
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let diagonal = viewer.scale().diagonal as f32;
     let paint = &mut viewer.settings.paint;
     ui.label(RichText::new(label_of(&PaintTool::ALL, paint.tool)).heading().color(theme::STRONG));
     hint(ui, paint.tool.hint());
@@ -26,7 +27,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         return fill(ui, paint);
     }
     if paint.tool == PaintTool::Sticker {
-        if sticker(ui, paint) {
+        if sticker(ui, paint, diagonal) {
             viewer.request(Request::Dialog(FileDialog::Sticker));
         }
         return;
@@ -42,7 +43,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
             _ => paint.colors.foreground,
         },
     );
-    size(ui, &mut paint.brush);
+    size(ui, &mut paint.brush, diagonal);
     let brush = &mut paint.brush;
     percent(ui, "Hardness", &mut brush.hardness, "Share of the brush that is full (Shift + [ and ])");
     if paint.tool == PaintTool::Opacity {
@@ -134,7 +135,7 @@ fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
 }
 
 /// A text or a picture. Returns whether another picture is wanted.
-fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
+fn sticker(ui: &mut Ui, paint: &mut PaintSettings, diagonal: f32) -> bool {
     let mut is_asked = false;
     ui.horizontal(|ui| segments(ui, &mut paint.sticker, &StickerKind::ALL));
     match paint.sticker {
@@ -151,7 +152,7 @@ fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
                 .on_hover_text("A colour, a normal map (green upwards), or a height whose grey is level");
         }
     }
-    size(ui, &mut paint.brush);
+    size(ui, &mut paint.brush, diagonal);
     number("Angle", "°", 0, "How it is turned").show(ui, &mut paint.sticker_degrees, -180.0..=180.0);
     percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
     is_asked
@@ -181,9 +182,12 @@ fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
     });
     if brush.stamp.is_some() || brush.tip.is_some() {
         number("Angle", "°", 0, "Of tip or stamp").show(ui, &mut brush.angle_degrees, -180.0..=180.0);
-        let mut turn = brush.jitter.angle.to_degrees();
+        let before = brush.jitter.angle.to_degrees();
+        let mut turn = before;
         number("Vary angle", "°", 0, "Random change from dab to dab").show(ui, &mut turn, 0.0..=180.0);
-        brush.jitter.angle = turn.to_radians();
+        if turn != before {
+            brush.jitter.angle = turn.to_radians();
+        }
     }
     is_asked
 }
@@ -198,13 +202,17 @@ pub(crate) fn percent(ui: &mut Ui, name: &str, value: &mut f32, tip: &str) {
     }
 }
 
-fn size(ui: &mut Ui, brush: &mut BrushSettings) {
-    let [low, high] = match brush.unit {
-        SizeUnit::World => [1e-4, 1e3],
-        _ => [BrushSettings::SIZE[0], 500.0],
+/// `diagonal`: of the model, world units.
+fn size(ui: &mut Ui, brush: &mut BrushSettings, diagonal: f32) {
+    let ([low, high], decimals) = match brush.unit {
+        SizeUnit::World => {
+            let [least, most] = BrushSettings::WORLD_SIZE;
+            let range = [1e-4 * diagonal, diagonal].map(|size| size.clamp(least, most));
+            (range, decimals_of(f64::from(brush.size)))
+        }
+        SizeUnit::Pixels | SizeUnit::Texels => ([BrushSettings::SIZE[0], 500.0], 0),
     };
     let high = brush.size.max(high);
-    let decimals = if brush.unit == SizeUnit::World { 3 } else { 0 };
     let size = number("Size", "", decimals, "Diameter ([ and ])");
     size.logarithmic().show(ui, &mut brush.size, low..=high);
     row(ui, "Measured in", |ui| {

@@ -81,8 +81,8 @@ pub(crate) fn name_field(field: &Response, name: &str) {
 /// Rows of small squares; returns the one that was clicked.
 fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
     let mut clicked = None;
-    ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
     ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
         for &color in all {
             let (rect, response) = ui.allocate_exact_size(vec2(27.0, 18.0), Sense::click());
             super::swatch(ui.painter(), rect, color, color == chosen);
@@ -91,7 +91,6 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
             }
         }
     });
-    ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
     clicked
 }
 

@@ -13,7 +13,9 @@ use crate::paint::{
     BLEND_MODES, LayerAction, LayerDrag, LayerRow, Painting, THUMBNAIL, drop_place, layer_rows,
 };
 use crate::panels::paint::brush::alpha_shown;
-use crate::panels::widgets::{Itself, cached_texture, choice, heading, hint, number, row, segments};
+use crate::panels::widgets::{
+    Itself, cached_texture, choice, decimals_of, heading, hint, is_held, number, row, segments,
+};
 use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::Viewer;
@@ -239,14 +241,20 @@ fn menu(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             ui.close();
         }
     }
-    ui.menu_button("Mask from", |ui| {
-        for (measure, text, tip) in MEASURES {
-            if ui.button(text).on_hover_text(tip).clicked() {
-                actions.push(LayerAction::MakeMask(id, Some(measure.source())));
-                ui.close();
-            }
+    ui.menu_button("Mask from", |ui| mask_menu(ui, painting, id, actions));
+}
+
+/// What the mask of a layer can be made from.
+fn mask_menu(ui: &mut Ui, painting: &Painting, id: u64, actions: &mut Vec<LayerAction>) {
+    for (mut measure, text, tip) in MEASURES {
+        if let MaskMeasure::Distance { to } = &mut measure {
+            *to = painting.last_position().to_array();
         }
-    });
+        if ui.button(text).on_hover_text(tip).clicked() {
+            actions.push(LayerAction::MakeMask(id, Some(measure.source())));
+            ui.close();
+        }
+    }
 }
 
 /// A group's folder, with a mark that folds and unfolds it.
@@ -361,20 +369,7 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     let id = layer.id();
     ui.add_space(4.0);
     blending(ui, layer, actions);
-    let mut opacity =
-        painting.fading.filter(|(of, _)| *of == id).map_or(layer.opacity, |(_, value)| value) * 100.0;
-    let response = row(ui, "Opacity", |ui| {
-        ui.add(Slider::new(&mut opacity, 0.0..=100.0).suffix(" %").fixed_decimals(0))
-    });
-    // One step of the history per drag, not one per frame.
-    if response.dragged() {
-        painting.fading = Some((id, opacity / 100.0));
-    } else if response.drag_stopped() || response.changed() {
-        painting.fading = None;
-        actions.push(LayerAction::Opacity(id, opacity / 100.0));
-    } else if painting.fading.is_some_and(|(of, value)| of != id || (value - layer.opacity).abs() < 1e-3) {
-        painting.fading = None;
-    }
+    opacity(ui, painting, layer, actions);
     if matches!(layer.content, LayerContent::Fill(_) | LayerContent::Graph(_)) {
         ui.horizontal(|ui| {
             ui.label(RichText::new("Shows").color(theme::FAINT));
@@ -395,6 +390,25 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
             }
         }
     });
+}
+
+/// How much of a layer is seen. What is dragged or typed is one step of the history.
+fn opacity(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
+    let id = layer.id();
+    let faded = painting.fading.filter(|(of, _)| *of == id);
+    let mut percent = 100.0 * faded.map_or(layer.opacity, |(_, opacity)| opacity);
+    let response = row(ui, "Opacity", |ui| {
+        ui.add(Slider::new(&mut percent, 0.0..=100.0).suffix(" %").fixed_decimals(0))
+    });
+    if response.changed() {
+        painting.fading = Some((id, percent / 100.0));
+    }
+    if let Some((of, opacity)) = painting.fading.filter(|_| !is_held(ui)) {
+        painting.fading = None;
+        if of == id && opacity != layer.opacity {
+            actions.push(LayerAction::Opacity(id, opacity));
+        }
+    }
 }
 
 /// How a layer, or a group as a whole, blends with what lies below it; a group may also let its members do so.
@@ -465,15 +479,7 @@ fn mask(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<L
             }
         }
         let made = ui.menu_button(RichText::new("From …").size(11.0), |ui| {
-            for (mut measure, text, tip) in MEASURES {
-                if let MaskMeasure::Distance { to } = &mut measure {
-                    *to = painting.last_position().to_array();
-                }
-                if ui.button(text).on_hover_text(tip).clicked() {
-                    actions.push(LayerAction::MakeMask(id, Some(measure.source())));
-                    ui.close();
-                }
-            }
+            mask_menu(ui, painting, id, actions);
             if layer.mask_source.is_some() && ui.button("Only what is painted").clicked() {
                 actions.push(LayerAction::MakeMask(id, None));
                 ui.close();
@@ -508,9 +514,10 @@ fn mask_source(
         }
         MaskMeasure::Distance { to } => {
             let bounds = &painting.bounds;
+            let diagonal = bounds.size().length();
             let range = bounds.min.to_array().into_iter().zip(bounds.max.to_array());
             for ((name, value), (low, high)) in ["X", "Y", "Z"].into_iter().zip(to).zip(range) {
-                number(name, "", 3, "World units").show(ui, value, low..=high.max(low + f64::MIN_POSITIVE));
+                number(name, "", decimals_of(0.1 * diagonal), "World units").show(ui, value, low..=high);
             }
         }
         MaskMeasure::Height { axis } | MaskMeasure::Slope { axis } => {
@@ -527,8 +534,7 @@ fn mask_source(
     if source != before {
         painting.shaping = Some((id, source));
     }
-    let is_held = ui.input(|i| i.pointer.any_down()) || ui.ctx().egui_wants_keyboard_input();
-    if let Some((of, source)) = painting.shaping.filter(|_| !is_held) {
+    if let Some((of, source)) = painting.shaping.filter(|_| !is_held(ui)) {
         painting.shaping = None;
         if of == id && source != kept {
             actions.push(LayerAction::MakeMask(id, Some(source)));

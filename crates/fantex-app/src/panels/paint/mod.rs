@@ -22,11 +22,12 @@ use eframe::egui::{
     Shape, Stroke, StrokeKind, Ui, Vec2, pos2, vec2,
 };
 
+use fantex::base::counted;
 use fantex::paint::Symmetry;
 
 use crate::command::{Command, keys_of};
-use crate::paint::{PaintCommand, PaintTool, SymmetryKind};
-use crate::panels::widgets::{heading, number, row, segments};
+use crate::paint::{PaintCommand, PaintTool, Snapshot, SymmetryKind};
+use crate::panels::widgets::{decimals_of, heading, number, row, segments};
 use crate::panels::{panel_frame, room_beside_scene};
 use crate::theme;
 use crate::viewer::Viewer;
@@ -268,7 +269,7 @@ pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
     match symmetry.kind {
         SymmetryKind::Mirror => {
             let half = 0.5 * diagonal;
-            let offset = number("Offset", "", 3, "From the model's middle");
+            let offset = number("Offset", "", decimals_of(0.1 * diagonal), "From the model's middle");
             offset.show(ui, &mut symmetry.offset, -half..=half);
         }
         _ => {
@@ -280,46 +281,55 @@ pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
 
 // The steps that were done: a click goes back to one, or forth.
 
-/// Steps in sight at a time.
-const SHOWN: usize = 8;
+/// Height of a step in the list, and of the list, points.
+const STEP: f32 = 22.0;
+const HISTORY: f32 = 192.0;
 
 pub(crate) fn history(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
     let snapshot = &painting.snapshot;
     heading(ui, "History");
+    let (done, undone) = (snapshot.done.len(), snapshot.undone.len());
     let mut chosen = None;
-    let height = SHOWN as f32 * 24.0;
-    let list = ScrollArea::vertical().id_salt("history").max_height(height).auto_shrink([false, true]);
-    list.stick_to_bottom(true).show(ui, |ui| {
+    ui.scope(|ui| {
         ui.spacing_mut().item_spacing.y = 1.0;
-        let size = vec2(ui.available_width(), 22.0);
-        let line =
-            |ui: &mut Ui, is_on: bool, text: RichText| ui.add(Button::selectable(is_on, text).min_size(size));
-        let first = if snapshot.older > 0 {
-            format!("{} older steps", snapshot.older)
-        } else {
-            "Original".to_owned()
-        };
-        let is_first = snapshot.done.is_empty();
-        if line(ui, is_first, RichText::new(first).color(theme::FAINT)).clicked() {
-            chosen = Some(snapshot.older);
-        }
-        let count = snapshot.done.len();
-        for (index, label) in snapshot.done.iter().enumerate() {
-            let number = snapshot.older + index + 1;
-            if line(ui, index + 1 == count, RichText::new(format!("{number}   {label}"))).clicked() {
-                chosen = Some(number);
+        let list = ScrollArea::vertical().id_salt("history").max_height(HISTORY).auto_shrink([false, true]);
+        // Those out of sight are not laid out: there may be many.
+        list.stick_to_bottom(true).show_rows(ui, STEP, 1 + done + undone, |ui, rows| {
+            for row in rows {
+                let size = vec2(ui.available_width(), STEP);
+                let button = Button::selectable(row == done, step_text(snapshot, row)).min_size(size);
+                let response = ui.add(button);
+                if response.clicked() {
+                    chosen = Some(snapshot.older + row);
+                }
+                if row > done {
+                    response.on_hover_text("Taken back; a click does it again");
+                }
             }
-        }
-        for (index, label) in snapshot.undone.iter().rev().enumerate() {
-            let number = snapshot.older + count + index + 1;
-            let text = RichText::new(format!("{number}   {label}")).color(theme::FAINT).italics();
-            if line(ui, false, text).on_hover_text("Taken back; a click does it again").clicked() {
-                chosen = Some(number);
-            }
-        }
+        });
     });
     if let Some(number) = chosen {
         painting.go_to_step(number);
+    }
+}
+
+/// A line of the history: what was there before all steps that are listed, those that were done, and those that were taken back.
+fn step_text(snapshot: &Snapshot, row: usize) -> RichText {
+    let Some(index) = row.checked_sub(1) else {
+        let text = match snapshot.older {
+            0 => "Original".to_owned(),
+            count => counted(count, "older step").to_string(),
+        };
+        return RichText::new(text).color(theme::FAINT);
+    };
+    let number = snapshot.older + row;
+    match snapshot.done.get(index) {
+        Some(label) => RichText::new(format!("{number}   {label}")),
+        None => {
+            let label = snapshot.undone.iter().rev().nth(index - snapshot.done.len());
+            let text = format!("{number}   {}", label.map_or("", String::as_str));
+            RichText::new(text).color(theme::FAINT).italics()
+        }
     }
 }

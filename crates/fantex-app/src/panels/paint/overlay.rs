@@ -12,7 +12,7 @@ use fantex::glam::{DVec2, DVec3};
 use crate::command::Command;
 use crate::paint::{
     Cursor, PaintCommand, PaintTool, PenPhase, PlacingOutline, Ring, SaveState, StencilPicture,
-    StencilSettings, StencilUse, SymmetryKind, plane_outline,
+    StencilSettings, StencilUse, SymmetryKind, degrees_between, plane_outline,
 };
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
@@ -255,7 +255,8 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer) {
         });
         percent(ui, "Seen", &mut stencil.opacity, "How much of it is seen over the scene");
         let height = number("Height", "", 2, "In heights of the view");
-        height.logarithmic().show(ui, &mut stencil.place.height, 0.05..=5.0);
+        let [least, most] = StencilSettings::HEIGHTS;
+        height.logarithmic().show(ui, &mut stencil.place.height, least..=most);
         number("Angle", "°", 0, "").show(ui, &mut stencil.place.angle, -180.0..=180.0);
         let picture = viewer.painting.as_mut().and_then(|painting| painting.stencil(stencil).ok().flatten());
         ui.horizontal(|ui| {
@@ -415,7 +416,7 @@ pub(in crate::panels) fn adjust(
         match grip {
             Grip::Move => settings.shift(to - from),
             Grip::Scale => settings.scale((to - middle).length() / (from - middle).length().max(1e-3)),
-            Grip::Turn => settings.turn((from - middle).angle_to(to - middle).to_degrees()),
+            Grip::Turn => settings.turn(degrees_between(from - middle, to - middle)),
         }
     }
     if response.hovered() && input.wheel != 0.0 {
