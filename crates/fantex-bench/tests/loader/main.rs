@@ -24,6 +24,9 @@ use fantex_stream::{
 };
 use glam::{Vec3, Vec4};
 
+/// How long is waited for what takes a second: machines may be busy.
+const PATIENCE: Duration = Duration::from_secs(600);
+
 // A small baked asset, and ways to load all of it.
 
 /// Waves and noise, so that clusters do not pack to nothing.

@@ -61,7 +61,7 @@ fn load_all(loader: &mut ClusterLoader, tasks: &Tasks, parcels: &[Parcel]) -> BT
     for (i, &parcel) in parcels.iter().enumerate() {
         loader.request(parcel, (i % 17) as f32);
     }
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + crate::PATIENCE;
     let mut arrived = BTreeMap::new();
     while loader.pending() > 0 {
         assert!(Instant::now() < deadline, "{:?}", loader.statistics());
