@@ -12,7 +12,7 @@
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, counted, input};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
     shading_normals,
@@ -461,8 +461,8 @@ fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]>
     let set = sets.get(options.uv_set).filter(|set| set.len() == 3 * coarse.triangles.len());
     set.map(Vec::as_slice).ok_or_else(|| {
         Error::invalid(format!(
-            "the coarse mesh has {} sets of texture coordinates, but set {} (from 0) is asked for",
-            sets.len(),
+            "the coarse mesh has {} of texture coordinates, but set {} (from 0) is asked for",
+            counted(sets.len(), "set"),
             options.uv_set
         ))
     })
