@@ -229,7 +229,7 @@ pub(super) struct PhotographsArgs {
     /// Number of photographs, spread evenly around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     count: u32,
-    /// Width and height in pixels
+    /// Width and height in pixels, at most 16384 each
     #[arg(long, value_name = "WxH", default_value = "1200x900", value_parser = size)]
     size: [u32; 2],
     /// What the camera sees through
