@@ -158,6 +158,10 @@ impl Footprint {
         }
         let longest = (high - low).max_element();
         let area = (b - a).perp_dot(c - a).abs();
+        if area == 0.0 {
+            // It has no barycentric coordinates, so it covers nothing, however long it is.
+            return None;
+        }
         let is_flat = area < MIN_SPAN_SHAPE * longest * longest;
         let [columns, rows] = [0, 1].map(|k| {
             let (first, last) = ((low[k] - 0.5).ceil() as i64, (high[k] - 0.5).floor() as i64);
@@ -281,6 +285,20 @@ mod tests {
                 assert_eq!([column, row], [(texel % 16) as f64 + 0.5, (texel / 16) as f64 + 0.5]);
             }
         }
+    }
+
+    #[test]
+    fn triangles_without_area_are_not_looked_for() {
+        let uv = [Vec2::ZERO, Vec2::ONE, Vec2::splat(0.25)];
+        let asked = std::cell::Cell::new(0);
+        let is_cancelled = || {
+            asked.set(asked.get() + 1);
+            false
+        };
+        let charts = Charts::new(&uv, [64, 64], &is_cancelled).unwrap();
+        assert!(charts.owners.iter().all(|&owner| owner == EMPTY));
+        // For the triangle, and for none of its rows.
+        assert_eq!(asked.get(), 1);
     }
 
     /// What lies over millions of copies ends, and covers the image, if it is no needle.

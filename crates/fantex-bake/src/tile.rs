@@ -17,7 +17,7 @@ use fantex_cover::{
     BLOCK_MARGIN, BlockPart, Cover, Footprints, Group, MAX_BLOCK_SIDE, SHARED_LEVEL, TexelBlock,
     TexelTriangle, TileBlock,
 };
-use fantex_mesh::Mesh;
+use fantex_mesh::{AlphaMode, Mesh};
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, PageTexels, Quality, TexelFormat, TexelSlice, encode_many,
     page_extent, page_grid, page_origin,
@@ -240,7 +240,7 @@ impl TileBaker<'_> {
             }
             if !cut_outs.is_empty() {
                 for (&texel, point) in texels.iter().zip(points.iter()) {
-                    let mode = self.mesh.alpha_mode(point.at.triangle as usize);
+                    let mode = self.alpha_mode(point.at.triangle);
                     raster.set_alpha_mode(texel as usize, mode);
                 }
             }
@@ -435,15 +435,19 @@ impl TileBaker<'_> {
 
     /// The cut-outs among the triangles of a tile.
     fn cut_outs(&self, triangles: &[u32]) -> CutOuts {
-        let modes = triangles.iter().map(|&triangle| self.mesh.alpha_mode(triangle as usize));
+        let modes = triangles.iter().map(|&triangle| self.alpha_mode(triangle));
         CutOuts::of(modes, self.source.has_shares())
     }
 
     /// The cut-out that takes most of the area.
     fn largest_cut_out(&self, triangles: &[u32]) -> Option<LargestCutOut> {
-        let mesh = self.mesh;
-        let indices = triangles.iter().map(|&triangle| triangle as usize);
-        LargestCutOut::of(indices.map(|t| (mesh.alpha_mode(t), mesh.triangle_area(t))))
+        let parts = triangles.iter().map(|&t| (self.alpha_mode(t), self.mesh.triangle_area(t as usize)));
+        LargestCutOut::of(parts)
+    }
+
+    /// What alpha means on a triangle, as the asset has it.
+    fn alpha_mode(&self, triangle: u32) -> AlphaMode {
+        self.mesh.alpha_mode(triangle as usize).of_asset()
     }
 
     fn overshoot(&self, channel: usize) -> Overshoot {

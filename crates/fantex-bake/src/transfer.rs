@@ -12,7 +12,7 @@
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
-use fantex_base::{Error, Result, input};
+use fantex_base::{Error, Result, counted, input};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, lambda_step,
     shading_normals,
@@ -381,6 +381,28 @@ impl Default for NormalMapOptions {
     }
 }
 
+impl NormalMapOptions {
+    /// Refuses what no mesh can be baked with.
+    ///
+    /// # Errors
+    /// An option is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let [width, height] = self.size;
+        if self.size.iter().any(|n| !(1..=MAX_SIDE).contains(n)) {
+            return Err(Error::invalid(format!(
+                "the size is {width} x {height} texels, but must be 1 to {MAX_SIDE} along each side"
+            )));
+        }
+        if self.padding > MAX_PADDING {
+            return Err(Error::invalid(format!(
+                "the padding is {} texels, but must be at most {MAX_PADDING}",
+                self.padding
+            )));
+        }
+        check_samples(self.samples)
+    }
+}
+
 const MAX_SIDE: u32 = 8192;
 const MAX_PADDING: u32 = 256;
 /// Of an image of normals: its triangles, the normals, those that padding adds, and what is returned.
@@ -412,7 +434,8 @@ pub fn bake_normal_map_until(
     options: &NormalMapOptions,
     is_cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<(Image, TransferReport)> {
-    let uv = check(coarse, options)?;
+    options.check()?;
+    let uv = texture_coordinates(coarse, options.uv_set)?;
     let [width, height] = options.size;
     let bytes = u64::from(width) * u64::from(height) * NORMAL_MAP_TEXEL_BYTES;
     let _held = input::reserve(format_args!("a normal map of {width} x {height} texels"), bytes)?;
@@ -442,28 +465,14 @@ pub fn bake_normal_map_until(
     Ok((Image::from_linear(width, height, 3, samples), projector.report()))
 }
 
-/// The texture coordinates, if all is well.
-fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]> {
-    let [width, height] = options.size;
-    if options.size.iter().any(|n| !(1..=MAX_SIDE).contains(n)) {
-        return Err(Error::invalid(format!(
-            "the size is {width} x {height} texels, but must be 1 to {MAX_SIDE} along each side"
-        )));
-    }
-    if options.padding > MAX_PADDING {
-        return Err(Error::invalid(format!(
-            "the padding is {} texels, but must be at most {MAX_PADDING}",
-            options.padding
-        )));
-    }
-    check_samples(options.samples)?;
+/// A set of texture coordinates, of which there is one per corner.
+fn texture_coordinates(coarse: &Mesh, number: usize) -> Result<&[Vec2]> {
     let sets = &coarse.corners.uv_sets;
-    let set = sets.get(options.uv_set).filter(|set| set.len() == 3 * coarse.triangles.len());
+    let set = sets.get(number).filter(|set| set.len() == 3 * coarse.triangles.len());
     set.map(Vec::as_slice).ok_or_else(|| {
         Error::invalid(format!(
-            "the coarse mesh has {} sets of texture coordinates, but set {} (from 0) is asked for",
-            sets.len(),
-            options.uv_set
+            "the coarse mesh has {} of texture coordinates, but set {number} (from 0) is asked for",
+            counted(sets.len(), "set")
         ))
     })
 }

@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use fantex::addresses::is_address;
+use fantex::addresses::{check_is_path, is_address};
 use fantex::bake::Progress;
 use fantex::base::files::{check_folder_of, exists, remove_temporaries};
 use fantex::base::input::{self, ReadLimits, ReadOptions};
@@ -278,6 +278,7 @@ impl Context {
 
 /// Refuses what can be no folder.
 pub(crate) fn check_can_be_folder(folder: &Path) -> Result<()> {
+    check_is_path(folder)?;
     if folder.exists() && !folder.is_dir() {
         let folder = folder.display();
         return Err(Error::conflict(format!("cannot write into {folder}: it is a file; give a folder")));

@@ -106,6 +106,23 @@ pub enum AlphaMode {
     Blend,
 }
 
+impl AlphaMode {
+    /// The highest threshold that opaque texels of assets pass: they stay a step of 8 bits below 1 where blocks are compressed, and look-ups
+    /// that blend them round.
+    const MAX_THRESHOLD_OF_ASSETS: f32 = 252.5 / 255.0;
+
+    /// As assets have it: what is opaque passes a threshold of up to 1 there, too. (It passes no higher one, anywhere.)
+    #[must_use]
+    pub fn of_asset(self) -> Self {
+        match self {
+            Self::Mask(threshold) if threshold <= 1.0 => {
+                Self::Mask(threshold.min(Self::MAX_THRESHOLD_OF_ASSETS))
+            }
+            _ => self,
+        }
+    }
+}
+
 /// A metallic-roughness material. Factors multiply textures; colours are linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {

@@ -13,7 +13,7 @@
 //!
 //! Per point, photographs count by how well they see it (`view.rs`), all factors being continuous; those that are far from the best
 //! do not count (`blend.rs`). Photographs are decoded once and kept as pages, in memory or in a scratch file (`pyramid.rs`), no finer
-//! than texels are. [`capture`] takes photographs of a model, for sets with known answers.
+//! than texels are. [`CaptureScene`] takes photographs of a model, for sets with known answers.
 
 mod blend;
 mod cameras;

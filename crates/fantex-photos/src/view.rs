@@ -10,10 +10,11 @@
 //! turns away. (Only where a crease turns a triangle away at once do they fall at once, along the crease.) The high power makes the best view dominate, so that photographs which do not fit exactly are not mixed more than the
 //! transition between them needs.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{Source, TexelPoint};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, input};
 use fantex_mesh::{AlphaMode, CornerNormals, Mesh, RayHit, SURFACE_OFFSET, TriangleBvh};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
@@ -318,45 +319,82 @@ impl Default for CaptureOptions {
     }
 }
 
-/// The picture that a photograph's camera takes of the base colour of a mesh, through its lens: linear RGB, as if lit from everywhere.
-/// Rays go through the lens, so any distortion is exact.
-pub fn capture(
-    mesh: &Mesh,
-    bvh: &TriangleBvh,
-    source: &dyn Source,
-    photograph: &Photograph,
-    options: &CaptureOptions,
-) -> Image {
-    let channels = source.channels();
-    let camera = mesh_camera(photograph, mesh);
-    let taker = Taker {
-        mesh,
-        bvh,
-        source,
-        base_color: channels.iter().position(|c| c.kind == ChannelKind::BaseColor),
-        channels: channels.len(),
-        normals: CornerNormals::of(mesh),
-        mesh_from_camera: camera.rotation.transpose(),
-        camera,
-        options,
-    };
-    let [width, height] = photograph.camera.size;
-    let pixels: Vec<f32> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|y| (0..width).map(move |x| [x, y]))
-        .flat_map_iter(|pixel| taker.pixel(pixel).to_array())
-        .collect();
-    Image::from_linear(width, height, 3, pixels)
-}
+/// Longest side of a photograph in pixels.
+const MAX_PHOTOGRAPH_SIDE: u32 = 16_384;
 
-struct Taker<'a> {
+/// Memory for a pixel: in the picture, in eight bits, and in the file that is written.
+const PIXEL_BYTES: u64 = 12 + 3 + 3;
+
+/// A model, and what photographs of it share.
+pub struct CaptureScene<'a> {
     mesh: &'a Mesh,
-    bvh: &'a TriangleBvh,
+    bvh: TriangleBvh,
     source: &'a dyn Source,
     base_color: Option<usize>,
     channels: usize,
     normals: CornerNormals,
-    mesh_from_camera: glam::DMat3,
+}
+
+impl<'a> CaptureScene<'a> {
+    /// A mesh with the base colour of a source.
+    pub fn new(mesh: &'a Mesh, source: &'a dyn Source) -> Self {
+        let channels = source.channels();
+        Self {
+            mesh,
+            bvh: TriangleBvh::new(mesh),
+            source,
+            base_color: channels.iter().position(|c| c.kind == ChannelKind::BaseColor),
+            channels: channels.len(),
+            normals: CornerNormals::of(mesh),
+        }
+    }
+
+    /// The picture that a photograph's camera takes of the base colour, through its lens: linear RGB, as if lit from everywhere.
+    /// Rays go through the lens, so any distortion is exact. Whether somebody wants to stop is asked for each row.
+    ///
+    /// # Errors
+    /// A side is 0 or longer than 16 384 pixels, or the picture takes more memory than is left; or it was ended.
+    pub fn capture(
+        &self,
+        photograph: &Photograph,
+        options: &CaptureOptions,
+        is_cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Image> {
+        let [width, height] = photograph.camera.size;
+        if [width, height].iter().any(|side| !(1..=MAX_PHOTOGRAPH_SIDE).contains(side)) {
+            return Err(Error::invalid(format!(
+                "cannot take a photograph of {width} x {height} pixels: both sides must be between 1 and {MAX_PHOTOGRAPH_SIDE}"
+            )));
+        }
+        let pixels = u64::from(width) * u64::from(height);
+        let what = format_args!("a photograph of {width} x {height} pixels");
+        let _held = input::reserve(what, PIXEL_BYTES * pixels)?;
+        let camera = mesh_camera(photograph, self.mesh);
+        let taker = Taker { scene: self, mesh_from_camera: camera.rotation.transpose(), camera, options };
+        let mut samples = vec![0.0; 3 * pixels as usize];
+        let rows = samples.par_chunks_mut(3 * width as usize);
+        rows.enumerate().try_for_each(|(y, row)| {
+            if is_cancelled() {
+                return Err(Error::cancelled("the photograph was cancelled"));
+            }
+            for (x, pixel) in (0..).zip(row.as_chunks_mut::<3>().0) {
+                *pixel = taker.pixel([x, y as u32]).to_array();
+            }
+            Ok(())
+        })?;
+        Ok(Image::from_linear(width, height, 3, samples))
+    }
+}
+
+impl fmt::Debug for CaptureScene<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("CaptureScene").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+struct Taker<'a> {
+    scene: &'a CaptureScene<'a>,
+    mesh_from_camera: DMat3,
     camera: MeshCamera,
     options: &'a CaptureOptions,
 }
@@ -383,16 +421,17 @@ impl Taker<'_> {
 
     /// What is seen along a ray: surfaces one behind the other, as far as they let something through.
     fn seen(&self, at: DVec2, step: f64) -> Vec3 {
+        let scene = self.scene;
         let Some(direction) = self.direction(at) else { return self.options.background };
         // Rays begin near the mesh, where single precision is enough.
         let start = (self.camera.eye + direction * (self.camera.eye.length() - 2.0).max(0.0)).as_vec3();
         let (mut sum, mut clear, mut beyond) = (Vec3::ZERO, 1.0, f32::NEG_INFINITY);
         for _ in 0..MAX_LAYERS {
             let accept = |hit: &RayHit| hit.distance > beyond;
-            let hit = self.bvh.first_hit_where(start, direction.as_vec3(), f32::INFINITY, accept);
+            let hit = scene.bvh.first_hit_where(start, direction.as_vec3(), f32::INFINITY, accept);
             let Some(hit) = hit else { break };
             let color = self.color(&hit, at, step, direction);
-            let material = self.mesh.materials.get(self.mesh.material_of(hit.point.index()));
+            let material = scene.mesh.materials.get(scene.mesh.material_of(hit.point.index()));
             let alpha = match material.map_or(AlphaMode::Opaque, |material| material.alpha) {
                 AlphaMode::Opaque => return sum + color.truncate() * clear,
                 AlphaMode::Mask(threshold) => f32::from(u8::from(color.w >= threshold)),
@@ -411,7 +450,8 @@ impl Taker<'_> {
 
     /// Base colour and opacity of a surface over the part of it that a ray stands for.
     fn color(&self, hit: &RayHit, at: DVec2, step: f64, direction: DVec3) -> Vec4 {
-        let corners = self.mesh.triangle_positions(hit.point.index()).map(|c| c.as_dvec3());
+        let CaptureScene { mesh, source, base_color, channels, ref normals, .. } = *self.scene;
+        let corners = mesh.triangle_positions(hit.point.index()).map(|c| c.as_dvec3());
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let on_plane = |direction: DVec3| {
             self.camera.eye + direction * (normal.dot(corners[0] - self.camera.eye) / normal.dot(direction))
@@ -431,12 +471,12 @@ impl Taker<'_> {
         let point = TexelPoint {
             at,
             lambda_steps: steps.map(lambda_step),
-            position: at.position(self.mesh),
+            position: at.position(mesh),
             position_steps: steps.map(|s| s.as_vec3()),
-            normal: self.normals.at(self.mesh, at),
+            normal: normals.at(mesh, at),
         };
-        let mut values = vec![Vec4::ZERO; self.channels];
-        self.source.evaluate(&point, &mut values);
-        self.base_color.map_or(Vec4::ONE, |channel| values[channel])
+        let mut values = vec![Vec4::ZERO; channels];
+        source.evaluate(&point, &mut values);
+        base_color.map_or(Vec4::ONE, |channel| values[channel])
     }
 }

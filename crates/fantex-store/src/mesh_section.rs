@@ -173,7 +173,7 @@ fn encode_material(m: &Material, out: &mut ByteWriter) {
     out.f32s(&m.base_color.to_array());
     out.f32s(&[m.metallic, m.roughness, m.normal_scale, m.occlusion_strength]);
     out.f32s(&m.emission.to_array());
-    let (alpha, cutoff) = match m.alpha {
+    let (alpha, cutoff) = match m.alpha.of_asset() {
         AlphaMode::Opaque => (0, 0.0),
         AlphaMode::Mask(cutoff) => (1, cutoff),
         AlphaMode::Blend => (2, 0.0),
@@ -313,6 +313,29 @@ fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// With a cutoff of 1 decoded texels would be holes.
+    #[test]
+    fn opaque_texels_pass_every_cutoff_that_they_passed() {
+        let texels: Vec<[u8; 4]> =
+            (0..64 * 64).map(|i: u32| [(i * 7) as u8, (i / 3) as u8, 90, 255]).collect();
+        let extent = [64; 2];
+        let blocks = crate::TexelFormat::Bc7;
+        let bytes = crate::encode(blocks, crate::Quality::UltraFast, extent, crate::TexelSlice::U8(&texels));
+        let decoded = crate::decode(blocks, extent, &bytes.unwrap()).unwrap();
+        let least = decoded.iter().map(|texel| texel[3]).fold(1.0, f32::min);
+        assert!(least < 1.0, "blocks keep alpha: no cutoff need be lowered");
+        let stored = |cutoff: f32| {
+            let mut out = ByteWriter::default();
+            encode_material(&Material { alpha: AlphaMode::Mask(cutoff), ..Material::default() }, &mut out);
+            match decode_material(0, &mut ByteReader::new(&out.bytes)).unwrap().alpha {
+                AlphaMode::Mask(cutoff) => cutoff,
+                alpha => panic!("{alpha:?}"),
+            }
+        };
+        assert!(stored(1.0) < least && stored(0.9999) < least);
+        assert_eq!([0.0, 0.5, 0.98, 1.001].map(stored), [0.0, 0.5, 0.98, 1.001]);
+    }
 
     #[test]
     fn colors_of_corners_that_others_wrote_are_read() {

@@ -522,6 +522,10 @@ fn what_cannot_be_transferred_is_refused() {
     let map = |options| bake_normal_map(&mesh, &mesh, &options).unwrap_err().to_string();
     let good = NormalMapOptions::default();
     assert!(map(good).contains("0 sets of texture coordinates, but set 0 "));
+    let mut unfolded = cleaned(generate::icosphere(1));
+    unfolded.corners.uv_sets = vec![vec![Vec2::ZERO; 3 * unfolded.triangles.len()]];
+    let error = bake_normal_map(&unfolded, &mesh, &NormalMapOptions { uv_set: 1, ..good }).unwrap_err();
+    assert!(error.to_string().contains("1 set of texture coordinates, but set 1 "), "{error}");
     for size in [[0, 4], [4, 1 << 20]] {
         assert!(map(NormalMapOptions { size, ..good }).contains(&format!("{} x {}", size[0], size[1])));
     }

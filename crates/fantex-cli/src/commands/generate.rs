@@ -6,10 +6,10 @@ use std::time::Instant;
 use clap::{Args, Subcommand, ValueEnum};
 use fantex::base::files::exists;
 use fantex::mesh::generate::{Landscape, LandscapeOptions, landscape};
-use fantex::mesh::{Model, TriangleBvh, WriteGeometry, write_model};
+use fantex::mesh::{Model, WriteGeometry, write_model};
 use fantex::photos::{
-    CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture, write_colmap_binary,
-    write_colmap_text, write_transforms,
+    CameraFromWorld, CaptureOptions, CaptureScene, Distortion, Lens, PhotoCamera, Photograph,
+    write_colmap_binary, write_colmap_text, write_transforms,
 };
 use fantex::render::Camera;
 use fantex::texture::{ColorSpace, Depth};
@@ -20,7 +20,7 @@ use serde::Serialize;
 use crate::commands::bake;
 use crate::commands::bake::{BakeInfo, BakeJob, EncodingArgs, Goal};
 use crate::commands::info::CoverArgs;
-use crate::context::Context;
+use crate::context::{Context, check_can_be_folder};
 use crate::scene::{check_model_name, open_model, show_notes, size};
 use crate::series::Series;
 use crate::sources::SourceArg;
@@ -229,7 +229,7 @@ pub(super) struct PhotographsArgs {
     /// Number of photographs, spread evenly around the model
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     count: u32,
-    /// Width and height in pixels
+    /// Width and height in pixels, at most 16384 each
     #[arg(long, value_name = "WxH", default_value = "1200x900", value_parser = size)]
     size: [u32; 2],
     /// What the camera sees through
@@ -284,6 +284,14 @@ struct PhotographsInfo {
 
 fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
+    let [images, sparse] = [args.output.join("images"), args.output.join("sparse/0")];
+    let transforms = args.output.join("transforms.json");
+    for path in [&images, &args.output.join("sparse"), &transforms] {
+        if !context.force && path.symlink_metadata().is_ok() {
+            return Err(exists(path));
+        }
+    }
+    [&args.output, &images, &sparse].into_iter().try_for_each(|folder| check_can_be_folder(folder))?;
     let mesh = &open_model(&args.model, context)?;
     show_notes(mesh, context);
     let look = match &args.source {
@@ -292,22 +300,16 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     };
     let look = look.source();
     let look = look.evaluator(mesh, context.seed)?;
-    let [images, sparse] = [args.output.join("images"), args.output.join("sparse/0")];
-    let transforms = args.output.join("transforms.json");
-    for path in [&images, &args.output.join("sparse"), &transforms] {
-        if !context.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path));
-        }
-    }
+    let photographs = set_up(args, mesh, &images);
+    let scene = CaptureScene::new(mesh, look.as_ref());
     let mut series = Series::all_or_none(context, &args.output, "photograph", u64::from(args.count));
     [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
-    let photographs = set_up(args, mesh, &images);
-    let bvh = TriangleBvh::new(mesh);
+    context.check_output_of(&transforms, &args.model)?;
     for (i, photograph) in photographs.iter().enumerate() {
         context.check_interrupt()?;
         let exposure = exposure(i, args.exposure);
         let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
-        let picture = capture(mesh, &bvh, look.as_ref(), photograph, &options);
+        let picture = scene.capture(photograph, &options, &|| context.is_interrupted())?;
         let path = &photograph.path;
         series.write(path, || picture.converted(Depth::U8, ColorSpace::Srgb).save(path))?;
     }

@@ -79,9 +79,6 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     context.check_output_of(&args.output, &args.detailed)?;
     check_picture_name(&args.output, false)?;
     check_depth(args.depth, &args.output)?;
-    let open = |path| open_shape(path, args.read, context);
-    let [coarse, detailed] = [open(&args.coarse)?, open(&args.detailed)?];
-    [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let options = NormalMapOptions {
         size: args.size,
         uv_set: args.uv_set,
@@ -90,7 +87,17 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
         samples: args.samples,
         cage: args.cage,
     };
+    options.check()?;
+    let open = |path| open_shape(path, args.read, context);
+    let [coarse, detailed] = [open(&args.coarse)?, open(&args.detailed)?];
+    [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
     let (image, report) = bake_normal_map(&coarse, &detailed, &options)?;
+    if report.points == 0 {
+        context.note(format!(
+            "{}: its texture coordinates cover the middle of no texel, so the normal map shows nothing",
+            args.coarse.display()
+        ));
+    }
     {
         let _deferral = context.defer_interrupt();
         saved(&image, args.depth, ColorSpace::Linear, &args.output)?;

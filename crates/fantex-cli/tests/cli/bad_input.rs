@@ -638,6 +638,11 @@ fn interrupted_slices_and_photographs_leave_nothing_new() {
         [&"generate", &"photographs", &model, &"-o", &shoot, &"--count", &"10000", &"--size", &"320x240"];
     assert_eq!(interrupted(&photographs, &shoot.join("images"), 2), NOTHING);
     assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
+    // One that would take an hour.
+    let large: [&dyn AsRef<OsStr>; 9] =
+        [&"generate", &"photographs", &model, &"-o", &shoot, &"--size", &"8192x8192", &"--samples", &"16"];
+    assert_eq!(interrupted(&large, &shoot.join("images"), 0), NOTHING);
+    assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
     // What was there is not removed, and what was replaced is counted.
     std::fs::create_dir_all(&slices).unwrap();
     write(&slices, "notes.txt", "precious");

@@ -793,7 +793,14 @@ fn normals_become_a_map_of_the_coarse_model() {
         flat(&object)
     );
     let plain = write(folder.path(), "cube.ply", COLORED_PLY);
-    fails(2, &["texture coordinates"], &[&"normals", &plain, &bottle(), &"-o", &folder.path().join("n.png")]);
+    let output = folder.path().join("n.png");
+    fails(2, &["texture coordinates"], &[&"normals", &plain, &bottle(), &"-o", &output]);
+    // A fault of the command line is told before models are read.
+    fails(2, &["8193 x 4"], &[&"normals", &"none.glb", &"none.glb", &"-o", &output, &"--size", &"8193x4"]);
+    let squeezed = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
+    let squeezed = write(folder.path(), "squeezed.obj", squeezed);
+    let empty = succeeds(&[&"normals", &squeezed, &plain, &"-o", &output, &"--size", &"4x4"]);
+    assert!(stderr(&empty).contains("cover the middle of no texel"), "{}", stderr(&empty));
 }
 
 /// What a look makes is counted before it is made.

@@ -172,6 +172,38 @@ fn exposures_are_levelled_and_unseen_surface_is_coloured() {
 }
 
 #[test]
+fn photographs_that_cannot_be_taken_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let take = |code: i32, words: &[&str], output: &Path, size: &str| {
+        let memory = ["--memory", "256M"];
+        let command: [&dyn AsRef<std::ffi::OsStr>; 9] = [
+            &"generate",
+            &"photographs",
+            &bottle(),
+            &"-o",
+            &output,
+            &"--size",
+            &size,
+            &memory[0],
+            &memory[1],
+        ];
+        fails(code, words, &command);
+        assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
+    };
+    let shoot = folder.path().join("shoot");
+    take(2, &["both sides must be between 1 and 16384"], &shoot, "16385x4");
+    take(1, &["a photograph of 16384 x 16384 pixels", "--memory"], &shoot, "16384x16384");
+    take(2, &["files are written here"], Path::new("s3://bucket/shoot"), "4x4");
+    assert!(!Path::new("s3:").exists());
+    // A folder in the place of the file that is written last.
+    std::fs::create_dir_all(shoot.join("transforms.json")).unwrap();
+    let command: [&dyn AsRef<std::ffi::OsStr>; 6] =
+        [&"generate", &"photographs", &bottle(), &"-o", &shoot, &"--force"];
+    fails(1, &["transforms.json: it is a folder"], &command);
+    assert_eq!(files(&shoot), ["transforms.json"]);
+}
+
+#[test]
 fn photographs_that_cannot_be_used_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let (model, asset) = (bottle(), folder.path().join("a.fan"));

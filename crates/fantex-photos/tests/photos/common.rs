@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{LookSource, Source, TexelPoint};
-use fantex_mesh::{CleanOptions, LoadOptions, Mesh, TriangleBvh, clean, load, shading_normals};
-use fantex_photos::{CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture};
+use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load, shading_normals};
+use fantex_photos::{
+    CameraFromWorld, CaptureOptions, CaptureScene, Distortion, Lens, PhotoCamera, Photograph,
+};
 use fantex_texture::color::srgb_from_linear;
 use fantex_texture::{ColorSpace, Depth};
 use glam::{DVec3, Vec3, Vec4};
@@ -81,10 +83,10 @@ pub(crate) fn take(
     photographs: &[Photograph],
     exposure: impl Fn(usize) -> Vec3,
 ) {
-    let bvh = TriangleBvh::new(mesh);
+    let scene = CaptureScene::new(mesh, source);
     for (i, photograph) in photographs.iter().enumerate() {
         let options = CaptureOptions { samples: 2, exposure: exposure(i), ..CaptureOptions::default() };
-        let picture = capture(mesh, &bvh, source, photograph, &options);
+        let picture = scene.capture(photograph, &options, &|| false).unwrap();
         picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path).unwrap();
     }
 }

@@ -348,8 +348,8 @@ fn what_cannot_be_used_is_said() {
 #[test]
 fn glass_and_cut_outs_are_seen_through() {
     use fantex_bake::TexelPoint;
-    use fantex_mesh::{AlphaMode, Material, TriangleBvh};
-    use fantex_photos::{CaptureOptions, capture};
+    use fantex_mesh::{AlphaMode, Material};
+    use fantex_photos::{CaptureOptions, CaptureScene};
     use glam::Vec4;
 
     let quad = |z: f32| [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z));
@@ -386,9 +386,44 @@ fn glass_and_cut_outs_are_seen_through() {
             camera: PhotoCamera::pinhole([9, 9], 20.0),
             camera_from_world: CameraFromWorld::looking_at(DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y),
         };
-        let picture =
-            capture(&mesh, &TriangleBvh::new(&mesh), &Colors, &photograph, &CaptureOptions::default());
+        let scene = CaptureScene::new(&mesh, &Colors);
+        let picture = scene.capture(&photograph, &CaptureOptions::default(), &|| false).unwrap();
         let [r, g, b, _] = picture.linear_texel(4, 4);
         assert!((Vec3::new(r, g, b) - expected).abs().max_element() < 1e-5, "{alpha:?}: {r} {g} {b}");
     }
+}
+
+#[test]
+fn photographs_that_are_too_large_are_refused_and_long_ones_end_when_they_are_to() {
+    use std::sync::atomic::AtomicU32;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    use fantex_base::{ErrorKind, ReadLimits, ReadOptions};
+    use fantex_photos::{CaptureOptions, CaptureScene};
+
+    let mesh = bottle();
+    let look = own_look(&mesh);
+    let scene = CaptureScene::new(&mesh, &look);
+    let capture = |size, is_cancelled: &(dyn Fn() -> bool + Sync)| {
+        let photograph = Photograph {
+            path: "a.png".into(),
+            mask: None,
+            name: "a.png".into(),
+            camera: PhotoCamera::pinhole(size, 20.0),
+            camera_from_world: CameraFromWorld::looking_at(DVec3::Z, DVec3::ZERO, DVec3::Y),
+        };
+        scene.capture(&photograph, &CaptureOptions::default(), is_cancelled)
+    };
+    for size in [[0, 4], [4, 16_385]] {
+        let sentence = capture(size, &|| false).unwrap_err().to_string();
+        assert!(sentence.contains("both sides must be between 1 and 16384"), "{sentence}");
+    }
+    let limits = ReadLimits::new(ReadOptions { memory_bytes: 1 << 20, ..ReadOptions::default() });
+    let error = limits.run(|| capture([1024, 1024], &|| false)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::TooLarge, "{error}");
+    let asked = AtomicU32::new(0);
+    let error = capture([1, 16_384], &|| asked.fetch_add(1, Relaxed) >= 100).unwrap_err();
+    assert!(error.is_cancelled() && asked.load(Relaxed) < 1000, "{error}");
+    let picture = capture([1, 1], &|| false).unwrap();
+    assert_eq!((picture.width, picture.height, picture.channels), (1, 1, 3));
 }

@@ -21,7 +21,7 @@ use crate::packing;
 const BLOCK_BYTES: usize = 16;
 
 /// Blocks that are made at once at most.
-const MOST_LANES: usize = 16;
+const MAX_LANES: usize = 16;
 
 /// Colours, a channel for each.
 const CHANNELS: usize = 3;
@@ -34,15 +34,15 @@ pub(super) fn encode(rows: &[BlockRow<'_>]) -> Vec<u8> {
     let blocks = || rows.iter().flat_map(|row| blocks_of_row(row));
     let count = rows.iter().map(|row| row.len() / 16).sum::<usize>();
     // Lanes beyond the last block are black.
-    let mut texels = vec![Default::default(); count.div_ceil(MOST_LANES)];
+    let mut texels = vec![Default::default(); count.div_ceil(MAX_LANES)];
     for (number, block) in blocks().enumerate() {
-        let of_lanes: &mut TexelsOfLanes = &mut texels[number / MOST_LANES];
+        let of_lanes: &mut TexelsOfLanes = &mut texels[number / MAX_LANES];
         for (lanes, texel) in of_lanes.iter_mut().zip(block) {
-            lanes[number % MOST_LANES] = u32::from_le_bytes(texel);
+            lanes[number % MAX_LANES] = u32::from_le_bytes(texel);
         }
     }
     let mut bytes = vec![0; count * BLOCK_BYTES];
-    let bytes_of_lanes = bytes.chunks_mut(MOST_LANES * BLOCK_BYTES);
+    let bytes_of_lanes = bytes.chunks_mut(MAX_LANES * BLOCK_BYTES);
     for (texels, bytes) in texels.iter().zip(bytes_of_lanes) {
         let mut words = WordsOfLanes::default();
         dispatch!(packing::level(), simd => encode_in(simd, texels, &mut words));
@@ -56,15 +56,15 @@ pub(super) fn encode(rows: &[BlockRow<'_>]) -> Vec<u8> {
 }
 
 /// The texels of several blocks: of each place in a block, those of all.
-type TexelsOfLanes = [[u32; MOST_LANES]; 16];
+type TexelsOfLanes = [[u32; MAX_LANES]; 16];
 
 /// The words of several blocks of 16 bytes.
-type WordsOfLanes = [[u32; MOST_LANES]; BLOCK_BYTES / 4];
+type WordsOfLanes = [[u32; MAX_LANES]; BLOCK_BYTES / 4];
 
 #[inline(always)]
 fn encode_in<S: Simd>(simd: S, blocks: &TexelsOfLanes, words: &mut WordsOfLanes) {
     let lanes = S::u32s::LEN;
-    for first in (0..MOST_LANES).step_by(lanes) {
+    for first in (0..MAX_LANES).step_by(lanes) {
         let mut texels = [[S::f32s::splat(simd, 0.0); 16]; CHANNELS];
         for k in 0..16 {
             let of_lanes = S::u32s::from_slice(simd, &blocks[k][first..first + lanes]);
@@ -382,11 +382,11 @@ mod tests {
         let best = encode(&[&texels]);
         for (number, block) in blocks_of_row(&texels).enumerate() {
             assert_eq!(best[number * 16..][..16], encode(&[&block]), "{number}");
-            let of_lanes = block.map(|texel| [u32::from_le_bytes(texel); MOST_LANES]);
+            let of_lanes = block.map(|texel| [u32::from_le_bytes(texel); MAX_LANES]);
             let mut words = WordsOfLanes::default();
             dispatch!(Level::baseline(), simd => encode_in(simd, &of_lanes, &mut words));
             let plain: Vec<u8> =
-                words.iter().flat_map(|words| words[number % MOST_LANES].to_le_bytes()).collect();
+                words.iter().flat_map(|words| words[number % MAX_LANES].to_le_bytes()).collect();
             assert_eq!(best[number * 16..][..16], plain, "{number}");
         }
     }

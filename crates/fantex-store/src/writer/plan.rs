@@ -129,17 +129,17 @@ impl Plan {
     /// # Errors
     /// The recipe is another one; the message says in what.
     pub fn check_recipe(&self, recipe: &Recipe) -> Result<()> {
-        const MOST_NAMED: usize = 3;
+        const MAX_NAMED: usize = 3;
         let names = recipe.differences(&self.recipe);
         if names.is_empty() {
             return Ok(());
         }
-        let others = match names.len().saturating_sub(MOST_NAMED) {
+        let others = match names.len().saturating_sub(MAX_NAMED) {
             0 => String::new(),
             count => format!(" and {count} more"),
         };
         let (named, are) =
-            (&names[..names.len().min(MOST_NAMED)], if names.len() == 1 { "is" } else { "are" });
+            (&names[..names.len().min(MAX_NAMED)], if names.len() == 1 { "is" } else { "are" });
         Err(Error::invalid(format!(
             "{}{others} {are} not what {} was made for; plan anew and bake all parts, or bake what was planned",
             named.join(", "),
