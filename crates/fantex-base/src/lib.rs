@@ -5,6 +5,7 @@
 //! | [`files!`] | files that travel in a program |
 //! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
 //! | [`aabb`] | axis-aligned boxes |
+//! | [`bits()`] | sets of up to 64 numbers |
 //! | [`mod@files`] | files that appear whole or not at all |
 //! | [`input`] | files that others made: opening, what they may name, memory |
 //! | [`json_problem()`] | what is wrong with a JSON file, in words |
@@ -17,6 +18,7 @@
 //! | [`zstandard`] | unpacking of Zstandard frames |
 
 pub mod aabb;
+mod bits;
 pub mod error;
 pub mod files;
 pub mod input;
@@ -30,6 +32,7 @@ pub mod union_find;
 pub mod zstandard;
 
 pub use aabb::Aabb;
+pub use bits::bits;
 pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use json_problem::json_problem;

@@ -4,6 +4,7 @@
 //! something through become fragments where nothing opaque hides them. However many layers there are, fragments take little
 //! memory: where they are many, they are made and composited for one part of the tile after the other.
 
+use fantex_base::bits;
 use glam::Vec2;
 
 use crate::primitive::{Dot, Edge, FixedPoint, Primitive, SUBPIXELS, TILE};
@@ -448,14 +449,6 @@ fn r2_point(i: u32) -> [i32; 2] {
     step.map(|a| ((0.5 + a * f64::from(i)).fract() * f64::from(SUBPIXELS)) as i32)
 }
 
-pub(crate) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let bit = (mask != 0).then(|| mask.trailing_zeros() as usize)?;
-        mask &= mask - 1;
-        Some(bit)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -612,12 +605,5 @@ mod tests {
         assert_eq!(pattern.samples_in(over_a_pixels_corner[0], over_a_pixels_corner[1]), SamplesIn::None);
         let eight = SamplePattern::new(8).samples_in(over_a_pixels_corner[0], over_a_pixels_corner[1]);
         assert_eq!(eight, SamplesIn::Several);
-    }
-
-    #[test]
-    fn bits_are_listed_in_order() {
-        assert_eq!(bits(0b1010_0001).collect::<Vec<_>>(), [0, 5, 7]);
-        assert_eq!(bits(0).count(), 0);
-        assert_eq!(bits(u64::MAX).count(), 64);
     }
 }

@@ -14,7 +14,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use fantex_base::input::{self, Held};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, bits};
 use fantex_mesh::Mesh;
 use fantex_scene::{AmbientLight, Glow, Projection};
 use glam::{Vec2, Vec3, Vec4};
@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use crate::hit::{HitFinder, Seen};
 use crate::illumination::PreparedLights;
 use crate::primitive::{Chunk, SUBPIXELS, TILE, TileGrid, prepare, reserve_drawing};
-use crate::raster::{Fragment, MAX_LAYERED, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples, bits};
+use crate::raster::{Fragment, MAX_LAYERED, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples};
 use crate::shading::evaluate_all;
 use crate::{Background, Camera, Interpolation, Lights, Picture, Shading, ShadingRate, Surface};
 

@@ -24,6 +24,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use fantex_base::bits;
 use fantex_base::input::{Held, hold};
 use glam::{Vec2, Vec4};
 use schemars::JsonSchema;
@@ -639,14 +640,4 @@ impl ImageTexture {
             filter::bilinear(level, texels, at, look_up.wrap)
         })
     }
-}
-
-/// Indices of the set bits, ascending.
-fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let index = mask.trailing_zeros() as usize;
-        let has_bit = mask != 0;
-        mask &= mask.wrapping_sub(1);
-        has_bit.then_some(index)
-    })
 }

@@ -108,6 +108,7 @@ impl Pairs {
         let level_of = |index: usize| quads.level.0[index] as usize;
         let is_one_level = (1..count).fold(true, |same, index| same & (level_of(index) == level_of(0)));
         let meaning = levels.meaning();
+        let words = meaning.words();
         let mut missed = 0;
         self.are_bytes = false;
         // The fewer instructions between them, the more cache lines are under way at once.
@@ -121,7 +122,7 @@ impl Pairs {
                     self.upper_bytes.0[index] = u64::from_le_bytes(*upper);
                     self.lower_bytes.0[index] = u64::from_le_bytes(*lower);
                 }
-                self.are_bytes = may_be_bytes && has_byte_tables::<S>();
+                self.are_bytes = may_be_bytes && widens_in_vectors::<S>(meaning);
                 if !self.are_bytes {
                     widen(simd, &self.upper_bytes, meaning, &mut self.upper, count);
                     widen(simd, &self.lower_bytes, meaning, &mut self.lower, count);
@@ -142,7 +143,7 @@ impl Pairs {
                     let pair = match levels.stored[level_of(index)] {
                         Stored::U8(bytes) => quads
                             .read_pair::<C, _>(bytes, index)
-                            .map(|pair| pair.map(|row| widened(u64::from_le_bytes(*row), meaning))),
+                            .map(|pair| pair.map(|row| widened(u64::from_le_bytes(*row), words))),
                         Stored::U16(values) => {
                             quads.read_pair::<C, _>(values, index).map(|pair| pair.map(joined))
                         }
@@ -294,16 +295,16 @@ pub(super) fn widen_four<S: Simd>(
     meaning: Meaning,
     first: usize,
 ) -> [S::u32s; 4] {
-    if has_byte_tables::<S>() {
+    if widens_in_vectors::<S>(meaning) {
         let lanes = S::u64s::LEN;
         let bytes = &bytes.0[first..first + 2 * lanes];
         let [a, b] = widened_bytes(simd, S::u64s::from_slice(simd, &bytes[..lanes]).bitcast(), meaning);
         let [c, d] = widened_bytes(simd, S::u64s::from_slice(simd, &bytes[lanes..]).bitcast(), meaning);
         return apart::<S>([a.bitcast(), b.bitcast(), c.bitcast(), d.bitcast()]);
     }
-    let mut words = [[0; 2]; 16];
+    let (table, mut words) = (meaning.words(), [[0; 2]; 16]);
     for (word, bytes) in words.iter_mut().zip(&bytes.0[first..first + S::f32s::LEN]) {
-        *word = widened(*bytes, meaning);
+        *word = widened(*bytes, table);
     }
     load_four(simd, &words)
 }
@@ -474,16 +475,37 @@ fn rows_of_bytes<S: Simd, const C: usize>(
 //
 // Rounding costs at most 8e-6, an eighth of what separates the two darkest bytes in sRGB.
 
-/// The linear 16-bit number of every byte in sRGB: whole, and as the lower and the upper byte.
+/// The linear 16-bit number of every byte in sRGB: its lower and its upper byte.
 struct Curve {
-    whole: [u16; 256],
     low: [u8; 256],
     high: [u8; 256],
 }
 
 static CURVE: LazyLock<Curve> = LazyLock::new(|| {
     let whole = linear_from_srgb8_table().map(unorm16);
-    Curve { whole, low: whole.map(|number| number as u8), high: whole.map(|number| (number >> 8) as u8) }
+    Curve { low: whole.map(|number| number as u8), high: whole.map(|number| (number >> 8) as u8) }
+});
+
+/// The linear 16-bit number of every byte at each of four places, shifted to its place in a word of four.
+pub(super) struct Words([[u64; 256]; 4]);
+
+impl Words {
+    fn of(meaning: Meaning) -> Self {
+        let curve = linear_from_srgb8_table().map(unorm16);
+        let number = |place: usize, byte: usize| {
+            let is_linear = !meaning.is_srgb || meaning.has_alpha && place == 3;
+            if is_linear { byte as u16 * 257 } else { curve[byte] }
+        };
+        Self(std::array::from_fn(|place| {
+            std::array::from_fn(|byte| u64::from(number(place, byte)) << (16 * place))
+        }))
+    }
+}
+
+/// Of linear numbers, of sRGB, and of sRGB with alpha.
+static WORDS: LazyLock<[Words; 3]> = LazyLock::new(|| {
+    [(false, false), (true, false), (true, true)]
+        .map(|(is_srgb, has_alpha)| Words::of(Meaning { is_srgb, has_alpha }))
 });
 
 #[derive(Clone, Copy, Debug)]
@@ -493,29 +515,31 @@ pub(super) struct Meaning {
     pub(super) has_alpha: bool,
 }
 
-/// Eight bytes as eight numbers of 16 bits, the first in the least significant bits.
-#[inline(always)]
-pub(super) fn widened(bytes: u64, meaning: Meaning) -> [u64; 2] {
-    let bytes = bytes.to_le_bytes();
-    let word = |first: usize| {
-        (0..4).fold(0, |word, place| {
-            let byte = bytes[first + place];
-            let is_color = !(meaning.has_alpha && place == 3);
-            let number = if meaning.is_srgb && is_color {
-                CURVE.whole[usize::from(byte)]
-            } else {
-                u16::from(byte) * 257
-            };
-            word | u64::from(number) << (16 * place)
-        })
-    };
-    [word(0), word(4)]
+impl Meaning {
+    #[inline]
+    pub(super) fn words(self) -> &'static Words {
+        let [linear, opaque, with_alpha] = &*WORDS;
+        match self {
+            Self { is_srgb: false, .. } => linear,
+            Self { has_alpha: false, .. } => opaque,
+            _ => with_alpha,
+        }
+    }
 }
 
-/// Whether one instruction looks up 64 bytes in tables of 128; with shorter vectors, one by one is as fast.
+/// Eight bytes as eight numbers of 16 bits, the first in the least significant bits.
 #[inline(always)]
-pub(super) fn has_byte_tables<S: Simd>() -> bool {
-    S::u8s::LEN == 64
+pub(super) fn widened(bytes: u64, Words(words): &Words) -> [u64; 2] {
+    let [a, b, c, d, e, f, g, h] = bytes.to_le_bytes().map(usize::from);
+    let word = |a: usize, b: usize, c: usize, d: usize| words[0][a] | words[1][b] | words[2][c] | words[3][d];
+    [word(a, b, c, d), word(e, f, g, h)]
+}
+
+/// Whether bytes are widened in vectors: numbers in sRGB only where one instruction looks up 64 bytes in tables of 128; with shorter
+/// vectors, one by one is as fast.
+#[inline(always)]
+fn widens_in_vectors<S: Simd>(meaning: Meaning) -> bool {
+    !meaning.is_srgb || S::u8s::LEN == 64
 }
 
 /// [`widened`] for a block.
@@ -527,22 +551,24 @@ pub(super) fn widen<S: Simd>(
     out: &mut Block<[u64; 2]>,
     count: usize,
 ) {
-    if has_byte_tables::<S>() {
-        for first in (0..count).step_by(8) {
-            let codes = S::u64s::from_slice(simd, &bytes.0[first..first + 8]).bitcast::<S::u8s>();
+    if widens_in_vectors::<S>(meaning) {
+        let lanes = S::u64s::LEN;
+        for first in (0..count).step_by(lanes) {
+            let codes = S::u64s::from_slice(simd, &bytes.0[first..first + lanes]).bitcast::<S::u8s>();
             let [near, far] = widened_bytes(simd, codes, meaning);
-            let out = out.0[first..first + 8].as_flattened_mut();
-            near.bitcast::<S::u64s>().store_slice(&mut out[..8]);
-            far.bitcast::<S::u64s>().store_slice(&mut out[8..]);
+            let out = out.0[first..first + lanes].as_flattened_mut();
+            near.bitcast::<S::u64s>().store_slice(&mut out[..lanes]);
+            far.bitcast::<S::u64s>().store_slice(&mut out[lanes..]);
         }
     } else {
+        let words = meaning.words();
         for (bytes, out) in bytes.0[..count].iter().zip(&mut out.0) {
-            *out = widened(*bytes, meaning);
+            *out = widened(*bytes, words);
         }
     }
 }
 
-/// [`widened`] for vectors of 64 bytes.
+/// [`widened`] for vectors that [may be](widens_in_vectors).
 #[inline(always)]
 fn widened_bytes<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning) -> [S::u8s; 2] {
     let alpha = S::u32s::splat(simd, 0xff00_0000).bitcast::<S::u8s>();
@@ -551,8 +577,7 @@ fn widened_bytes<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning) -> [S::u8s; 
     [near, far]
 }
 
-/// [`widened`] less a half, so that numbers have a sign, for vectors of 64 bytes in which the bytes of two texels stand in pairs
-/// by channel.
+/// The same less a half, so that numbers have a sign, of bytes of two texels that stand in pairs by channel.
 #[inline(always)]
 pub(super) fn signed_pairs<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning) -> [S::i16s; 2] {
     let alpha = S::u64s::splat(simd, 0xffff_0000_0000_0000).bitcast::<S::u8s>();
@@ -591,6 +616,7 @@ fn look_up<S: Simd>(simd: S, table: &[u8; 256], codes: S::u8s) -> S::u8s {
 mod tests {
     use super::super::batch::level;
     use super::*;
+    use crate::color::unit_from_u8_table;
     use fearless_simd::Level;
     use fearless_simd::dispatch;
 
@@ -633,12 +659,19 @@ mod tests {
         assert_eq!(between::<1>([u16::MAX; 8]).0, [[1.0; 4]; BLOCK]);
     }
 
+    /// The widest vectors of the processor, and narrower ones.
+    fn levels() -> Vec<Level> {
+        #[cfg(target_arch = "x86_64")]
+        let narrower = [level().as_avx2().map(Level::Avx2), level().as_sse4_2().map(Level::Sse4_2)];
+        #[cfg(not(target_arch = "x86_64"))]
+        let narrower = [None];
+        narrower.into_iter().flatten().chain([level()]).collect()
+    }
+
     #[test]
-    #[cfg(target_arch = "x86_64")]
     fn narrower_vectors_give_the_same() {
         let row = [1_000, 20_000, 65_535, 0, 60_000, 10, 40_000, 3_333];
-        let narrower = [level().as_avx2().map(Level::Avx2), level().as_sse4_2().map(Level::Sse4_2)];
-        for level in narrower.into_iter().flatten() {
+        for level in levels() {
             assert_eq!(between_on::<4>(level, row).0, between::<4>(row).0);
             assert_eq!(between_on::<3>(level, row).0, between::<3>(row).0);
             assert_eq!(between_on::<1>(level, row).0, between::<1>(row).0);
@@ -668,20 +701,27 @@ mod tests {
     }
 
     #[test]
-    fn vectors_and_single_bytes_widen_alike() {
-        for is_srgb in [false, true] {
-            for has_alpha in [false, true] {
-                let meaning = Meaning { is_srgb, has_alpha };
-                let bytes: [u64; BLOCK] =
-                    std::array::from_fn(|i| u64::from_le_bytes(std::array::from_fn(|k| (8 * i + k) as u8)));
+    fn bytes_are_widened_to_rounded_linear_numbers() {
+        let bytes: [[u8; 8]; BLOCK] =
+            std::array::from_fn(|i| std::array::from_fn(|k| (9 * i + 31 * k) as u8));
+        let words = Block(bytes.map(u64::from_le_bytes));
+        for (is_srgb, has_alpha) in [(false, false), (false, true), (true, false), (true, true)] {
+            let meaning = Meaning { is_srgb, has_alpha };
+            let number = |place: usize, byte: u8| {
+                let is_encoded = is_srgb && !(has_alpha && place % 4 == 3);
+                let table = if is_encoded { linear_from_srgb8_table() } else { unit_from_u8_table() };
+                (table[usize::from(byte)] * 65_535.0).round() as u64
+            };
+            let word = |bytes: &[u8; 8], first: usize| {
+                (0..4).map(|k| number(first + k, bytes[first + k]) << (16 * k)).sum::<u64>()
+            };
+            let expected = bytes.each_ref().map(|bytes| [word(bytes, 0), word(bytes, 4)]);
+            for level in levels() {
                 let mut out = Block([[0; 2]; BLOCK]);
-                dispatch!(level(), simd => widen(simd, &Block(bytes), meaning, &mut out, BLOCK));
-                for (bytes, out) in bytes.into_iter().zip(out.0) {
-                    assert_eq!(out, widened(bytes, meaning), "{meaning:?}, {bytes:x}");
-                }
+                dispatch!(level, simd => widen(simd, &words, meaning, &mut out, BLOCK));
+                assert_eq!(out.0, expected, "{meaning:?}, {level:?}");
             }
+            assert_eq!(words.0.map(|bytes| widened(bytes, meaning.words())), expected, "{meaning:?}");
         }
-        let white = widened(u64::MAX, Meaning { is_srgb: true, has_alpha: false });
-        assert_eq!(white, [u64::MAX; 2]);
     }
 }
