@@ -1,8 +1,8 @@
 //! Splits patches into connected components.
 //!
 //! Where normals are rough, cutting by normals leaves patches in many pieces, half of them single fans. Each connected piece
-//! becomes a patch; fragments go to the neighbour with the longest common border whose direction sees them well,
-//! before anything is laid flat. That gives fewer groups, more density and less foreshortening than
+//! becomes a patch; fragments go to the neighbour with the longest common border whose direction sees them well (all but the smallest only
+//! where it lies nearly all around), before anything is laid flat. That gives fewer groups, more density and less foreshortening than
 //! when `merge` judges all of them.
 
 use glam::Vec3;
@@ -13,8 +13,15 @@ use crate::fan_shape::{FanShape, Layout};
 use crate::merge::sum_by_name;
 use crate::partition::FanSet;
 
-/// Pieces of at most so many texels, one block of a tile, look for a neighbour to join. Its rectangle hardly grows for them.
-const FRAGMENT_TEXELS: f32 = 16.0;
+/// Pieces of at most so many texels look for a neighbour to join: one that lies nearly all around, as blocks along the rim of a hole would be
+/// stored twice.
+const FRAGMENT_TEXELS: f32 = 400.0;
+
+/// The share of a fragment's border along the neighbour that lies nearly all around.
+const MIN_HELD_SHARE: f32 = 0.6;
+
+/// Fragments of at most so many texels, one block of a tile, join any neighbour. Its rectangle hardly grows for them.
+const BLOCK_TEXELS: f32 = 16.0;
 
 /// Fragments whose neighbours are fragments, too, may find one in a later round.
 const ROUNDS: usize = 3;
@@ -143,10 +150,14 @@ impl<'a> Connector<'a> {
                 .par_iter()
                 .with_min_len(64)
                 .map_init(Vec::new, |borders, fragment| {
-                    self.longest_borders(order, seeds, pieces, fragment, borders);
-                    borders.iter().map(|b| b.0).find(|&seed| {
+                    let all = self.longest_borders(order, seeds, pieces, fragment, borders);
+                    let joins_any = pieces[fragment[0].0 as usize].texels <= BLOCK_TEXELS;
+                    let least = if joins_any { 0.0 } else { MIN_HELD_SHARE * all as f32 };
+                    let mut long = borders.iter().filter(|border| border.1 as f32 >= least);
+                    let found = long.find(|&&(seed, _)| {
                         self.sees(pieces[seed as usize].axis.normalize_or_zero(), order, fragment, facing)
-                    })
+                    });
+                    found.map(|&(seed, _)| seed)
                 })
                 .collect();
             let mut targets = targets.into_iter();
@@ -160,7 +171,8 @@ impl<'a> Connector<'a> {
         }
     }
 
-    /// The pieces around a fragment that are none themselves, as `(seed, length of the common border)`, the longest first.
+    /// The pieces around a fragment that are none themselves, as `(seed, length of the common border)`, the longest first. Returns the length of
+    /// the border with all pieces.
     fn longest_borders(
         &self,
         order: &[u32],
@@ -168,10 +180,12 @@ impl<'a> Connector<'a> {
         pieces: &[Piece],
         fragment: &[(u32, u32)],
         borders: &mut Vec<(u32, u32)>,
-    ) {
+    ) -> u32 {
         borders.clear();
+        let mut all = 0;
         for &(_, at) in fragment {
             self.for_neighbours(order[at as usize], |_, place| {
+                all += u32::from(place == ALONE || seeds[place as usize] != seeds[at as usize]);
                 if place != ALONE && !pieces[seeds[place as usize] as usize].is_fragment() {
                     borders.push((seeds[place as usize], 1));
                 }
@@ -179,6 +193,7 @@ impl<'a> Connector<'a> {
         }
         sum_by_name(borders);
         borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
+        all
     }
 
     /// True where every triangle around a fragment's fans faces a direction well enough.
