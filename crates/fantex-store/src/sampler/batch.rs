@@ -11,7 +11,6 @@
 
 use std::cell::Cell;
 
-use fantex_base::bits;
 use fantex_mesh::{SurfacePoint, interpolate};
 use fantex_texture::filter::{ColorSums, GridLookUps, GridPlaces};
 use glam::{Vec2, Vec4};
@@ -170,13 +169,15 @@ impl Batch {
         for depth in [Depth::Fine, Depth::Coarse] {
             for number in 0..probes {
                 levels.place(depth, number, places);
-                if places.made == 0 {
+                if !find_pages(levels, depth, places, pages) {
                     break;
                 }
-                find_pages(levels, depth, places, pages);
                 look_ups.locate(places);
                 for (channel, sums) in sums.iter_mut().enumerate() {
-                    for index in bits(look_ups.add(places, |page| pages.grid(page, channel), sums)) {
+                    let mut missed = look_ups.add(places, |page| pages.grid(page, channel), sums);
+                    while missed != 0 {
+                        let index = missed.trailing_zeros() as usize;
+                        missed &= missed - 1;
                         let color = pages.bilinear(places.grid[index], channel, levels.probe_uv(index));
                         sums.add(index, color.map(|number| number * places.share[index]));
                     }
@@ -202,16 +203,19 @@ impl Batch {
     }
 }
 
-/// Finds the pages of the probes that were placed last.
+/// Finds the pages of the probes that were placed last. False where nothing is read.
 fn find_pages<S: TileSource>(
     levels: &LevelBlock,
     depth: Depth,
     places: &mut GridPlaces,
     pages: &mut Pages<'_, S>,
-) {
+) -> bool {
     // Probes beside each other mostly lie in one page.
     let mut known = None;
-    for index in bits(places.made) {
+    for index in 0..levels.len() {
+        if places.share[index] == 0.0 {
+            continue;
+        }
         let (tile, extent) = levels.tile(depth, index);
         let page = levels.page(index);
         let number = match known {
@@ -221,6 +225,7 @@ fn find_pages<S: TileSource>(
         known = Some(((tile, page), number));
         places.grid[index] = number;
     }
+    known.is_some()
 }
 
 /// The values of many points, one after the other: see [`Sampler::read_values`].

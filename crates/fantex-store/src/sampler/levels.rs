@@ -124,9 +124,10 @@ impl LevelBlock {
         self.probes[..self.count].iter().fold(0, |most, &probes| most.max(probes))
     }
 
-    /// Where the probes of this number lie in pages, or across their borders in levels, with their shares of the values: those of look-ups
-    /// that have so many probes, and something of the level.
+    /// Where the probes of this number lie in pages, or across their borders in levels, with their shares of the values: none where look-ups
+    /// have fewer probes, or nothing of the level.
     pub(super) fn place(&mut self, depth: Depth, number: u32, places: &mut GridPlaces) {
+        places.count = self.count;
         match depth {
             Depth::Fine => dispatch!(level(), simd => place::<_, false>(simd, self, number, places)),
             Depth::Coarse => dispatch!(level(), simd => place::<_, true>(simd, self, number, places)),
@@ -261,25 +262,21 @@ fn place<S: Simd, const IS_COARSE: bool>(
     places: &mut GridPlaces,
 ) {
     let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
-    places.made = 0;
     for first in (0..block.count).step_by(S::f32s::LEN) {
         let range = first..first + S::f32s::LEN;
+        let [columns, rows] = if IS_COARSE { &block.coarse_extent } else { &block.fine_extent };
+        let columns = S::u32s::from_slice(simd, &columns[range.clone()]);
+        let rows = S::u32s::from_slice(simd, &rows[range.clone()]);
         let probes = S::u32s::from_slice(simd, &block.probes[range.clone()]);
         let (count, is_one) = (probes.to_float::<S::f32s>(), probes.simd_le(S::u32s::splat(simd, 1)));
+
         let share = S::f32s::from_slice(simd, &block.coarse_share[range.clone()]);
         let fine = S::u32s::from_slice(simd, &block.fine[range.clone()]);
         let is_last = fine.simd_ge(S::u32s::from_slice(simd, &block.last[range.clone()]));
         let share = if IS_COARSE { is_last.select(zero, share) } else { one - share };
-        let is_made = probes.simd_gt(S::u32s::splat(simd, number)) & !share.simd_eq(zero);
-        if !is_made.any_true() {
-            continue;
-        }
-        places.made |= is_made.to_bitmask() << first;
-        is_made.select(share / count, zero).store_slice(&mut places.share[range.clone()]);
+        let is_there = probes.simd_gt(S::u32s::splat(simd, number));
+        is_there.select(share / count, zero).store_slice(&mut places.share[range.clone()]);
 
-        let [columns, rows] = if IS_COARSE { &block.coarse_extent } else { &block.fine_extent };
-        let columns = S::u32s::from_slice(simd, &columns[range.clone()]);
-        let rows = S::u32s::from_slice(simd, &rows[range.clone()]);
         let along = S::f32s::splat(simd, number as f32 + 0.5) / count - 0.5;
         let mut texels = [columns.to_float::<S::f32s>(), rows.to_float::<S::f32s>()];
         for (axis, texels) in texels.iter_mut().enumerate() {
@@ -302,8 +299,6 @@ fn place<S: Simd, const IS_COARSE: bool>(
         (columns - left).min(most).store_slice(&mut places.columns[range.clone()]);
         (rows - top).min(most).store_slice(&mut places.rows[range]);
     }
-    // The last vector may hold more places than there are look-ups.
-    places.made &= u64::MAX >> (BLOCK - block.count);
 }
 
 /// The page along an axis that the two texels around a place lie in, and whether they lie in two.
@@ -475,9 +470,8 @@ mod tests {
                         Depth::Coarse if fine + 1 == group.level_count() => 0.0,
                         Depth::Coarse => coarse,
                     };
-                    assert_eq!(places.made >> index & 1 == 1, share > 0.0);
+                    assert_eq!(places.share[index], share / look_up.probes as f32);
                     if share > 0.0 {
-                        assert_eq!(places.share[index], share / look_up.probes as f32);
                         let (tile, extent) = block.tile(depth, index);
                         let uv = look_up.probe(number);
                         assert_eq!(

@@ -4,7 +4,6 @@
 //! another path at its edges, and are worked out once for grids of equal extent that hold different things. What is looked up is
 //! weighted and added to sums, as several look-ups make a value.
 
-use fantex_base::bits;
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
 
@@ -45,18 +44,18 @@ pub struct GridPlaces {
     pub columns: [u32; GRID_LOOK_UPS],
     /// Texels of a column.
     pub rows: [u32; GRID_LOOK_UPS],
-    /// What the looked-up colour is multiplied by.
+    /// What the looked-up colour is multiplied by; where this is 0, nothing is looked up.
     pub share: [f32; GRID_LOOK_UPS],
     /// Which grid it is: look-ups in one grid have one number.
     pub grid: [u32; GRID_LOOK_UPS],
-    /// At which of these places something is looked up, a bit each. Sums of others change by their shares if they lie in a vector with one.
-    pub made: u64,
+    /// How many look-ups there are.
+    pub count: usize,
 }
 
 impl Default for GridPlaces {
     fn default() -> Self {
         let (numbers, counts) = ([0.0; GRID_LOOK_UPS], [0; GRID_LOOK_UPS]);
-        Self { x: numbers, y: numbers, columns: counts, rows: counts, share: numbers, grid: counts, made: 0 }
+        Self { x: numbers, y: numbers, columns: counts, rows: counts, share: numbers, grid: counts, count: 0 }
     }
 }
 
@@ -118,8 +117,9 @@ impl GridLookUps {
         grid: impl Fn(u32) -> Option<TexelGrid<'a>>,
         sums: &mut ColorSums,
     ) -> u64 {
-        match bits(places.made).find_map(|index| grid(places.grid[index])) {
-            None => places.made,
+        let is_made = |index: &usize| places.share[*index] != 0.0;
+        match (0..places.count).filter(is_made).find_map(|index| grid(places.grid[index])) {
+            None => (0..places.count).filter(is_made).fold(0, |missed, index| missed | 1 << index),
             Some(TexelGrid::Rgba8 { is_srgb, .. }) => {
                 let texels = |number| match grid(number) {
                     Some(TexelGrid::Rgba8 { texels, is_srgb: own }) if own == is_srgb => texels,
@@ -154,8 +154,7 @@ impl GridLookUps {
             left = places.without(missed);
             &left
         };
-        let made = places.made & !missed;
-        dispatch!(level(), simd => add_colors::<_, T>(simd, self, share, made, meaning, sums));
+        dispatch!(level(), simd => add_colors::<_, T>(simd, self, share, places.count, meaning, sums));
         missed
     }
 
@@ -166,7 +165,10 @@ impl GridLookUps {
         let mut missed = 0;
         let mut known: Option<u32> = None;
         let mut own: &[T] = &[];
-        for index in bits(places.made) {
+        for index in 0..places.count.min(BLOCK) {
+            if places.share[index] == 0.0 {
+                continue;
+            }
             let number = places.grid[index];
             if known != Some(number) {
                 (known, own) = (Some(number), texels(number));
@@ -241,23 +243,19 @@ impl Texel for [u16; 2] {
 impl GridPlaces {
     /// The shares, but none of some places (a bit each).
     #[inline]
-    fn without(&self, places: u64) -> [f32; GRID_LOOK_UPS] {
+    fn without(&self, mut places: u64) -> [f32; GRID_LOOK_UPS] {
         let mut share = self.share;
-        bits(places).for_each(|index| share[index] = 0.0);
+        while places != 0 {
+            share[places.trailing_zeros() as usize] = 0.0;
+            places &= places - 1;
+        }
         share
     }
 }
 
-/// Where the vectors begin that hold some of a set of places, a bit each.
-#[inline(always)]
-fn vectors<S: Simd>(places: u64) -> impl Iterator<Item = usize> {
-    let of_vector = u64::MAX >> (BLOCK - S::f32s::LEN);
-    (0..BLOCK).step_by(S::f32s::LEN).filter(move |first| places >> first & of_vector != 0)
-}
-
 #[inline(always)]
 fn locate<S: Simd>(simd: S, places: &GridPlaces, quads: &mut Quads) {
-    for first in vectors::<S>(places.made) {
+    for first in (0..places.count.min(BLOCK)).step_by(S::f32s::LEN) {
         let range = first..first + S::f32s::LEN;
         let columns = S::u32s::from_slice(simd, &places.columns[range.clone()]);
         let rows = S::u32s::from_slice(simd, &places.rows[range.clone()]);
@@ -291,13 +289,15 @@ fn add_colors<S: Simd, T: Texel>(
     simd: S,
     look_ups: &GridLookUps,
     share: &[f32; BLOCK],
-    made: u64,
+    count: usize,
     meaning: T::Meaning,
     sums: &mut ColorSums,
 ) {
-    for first in vectors::<S>(made) {
+    for first in (0..count.min(BLOCK)).step_by(S::f32s::LEN) {
         let share = S::f32s::from_slice(simd, &share[first..first + S::f32s::LEN]);
-        add(simd, T::colors(simd, look_ups, meaning, first), share, sums, first);
+        if !share.simd_eq(S::f32s::splat(simd, 0.0)).all_true() {
+            add(simd, T::colors(simd, look_ups, meaning, first), share, sums, first);
+        }
     }
 }
 
@@ -364,8 +364,7 @@ mod tests {
         at: &[(Vec2, [u32; 2])],
         grid: impl Fn(usize) -> Option<TexelGrid<'a>>,
     ) -> (Vec<[f32; 4]>, u64) {
-        let made = u64::MAX >> (GRID_LOOK_UPS - at.len());
-        let mut places = GridPlaces { made, ..GridPlaces::default() };
+        let mut places = GridPlaces { count: at.len(), ..GridPlaces::default() };
         for (index, &(place, [columns, rows])) in at.iter().enumerate() {
             (places.x[index], places.y[index]) = (place.x, place.y);
             (places.columns[index], places.rows[index]) = (columns, rows);
@@ -437,7 +436,7 @@ mod tests {
     #[test]
     fn sums_grow_by_shares() {
         let white = [[255; 4]; 16];
-        let mut places = GridPlaces { made: 0b101, ..GridPlaces::default() };
+        let mut places = GridPlaces { count: 3, ..GridPlaces::default() };
         (places.columns, places.rows) = ([4; GRID_LOOK_UPS], [4; GRID_LOOK_UPS]);
         places.share[..3].copy_from_slice(&[0.25, 0.0, 1.0]);
         let (mut look_ups, mut sums) = (GridLookUps::default(), ColorSums::ZERO);
