@@ -14,6 +14,9 @@ use std::time::{Duration, Instant};
 use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, generate, load};
 use glam::DVec3;
 
+/// How long is waited for what takes seconds at most: machines may be busy.
+pub const PATIENCE: Duration = Duration::from_secs(600);
+
 /// The folder of the workspace.
 pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

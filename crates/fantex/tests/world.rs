@@ -5,7 +5,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 
 use fantex::base::ErrorKind;
 use fantex::gpu::{
@@ -21,12 +20,10 @@ use fantex::{
     Asset, Baker, Mesh, NoProgress, Preview, PreviewOptions, Source, SplitOptions, StreamedWorld, World,
     WorldCoarse, WorldObject, WorldOptions, WorldPreview, split,
 };
+use fantex_test::PATIENCE;
 use glam::{DVec3, Vec3, Vec4};
 
 const SIZE: [u32; 2] = [320, 240];
-
-/// Longest wait for what a view needs.
-const PATIENCE: Duration = Duration::from_secs(120);
 
 fn gpu() -> Option<Arc<Gpu>> {
     match Gpu::headless(&GpuOptions::default()) {

@@ -153,7 +153,7 @@ fn draw(viewer: &mut Viewer, from: [f64; 2], to: [f64; 2]) {
 fn wait_written(viewer: &mut Viewer) {
     let started = Instant::now();
     while viewer.exporting.is_some() {
-        assert!(started.elapsed() < crate::PATIENCE, "it is not written");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it is not written");
         viewer.poll();
         std::thread::sleep(Duration::from_millis(2));
     }

@@ -81,7 +81,7 @@ fn questions_and_looks_lack_no_glyph() {
     viewer.open(&path.to_string_lossy());
     let started = Instant::now();
     while viewer.opening.is_some() {
-        assert!(started.elapsed() < crate::PATIENCE, "it does not open");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not open");
         std::thread::sleep(Duration::from_millis(5));
         viewer.poll();
     }

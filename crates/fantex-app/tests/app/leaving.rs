@@ -25,7 +25,7 @@ fn wait_until(viewer: &mut Viewer, what: &str, mut is_so: impl FnMut(&mut Viewer
         if is_so(viewer) {
             return;
         }
-        assert!(started.elapsed() < crate::PATIENCE, "{what}");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "{what}");
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -294,7 +294,7 @@ fn what_is_not_told_yet_is_not_lost_either() {
     }
     let started = Instant::now();
     while studio.painting.is_busy() {
-        assert!(started.elapsed() < crate::PATIENCE, "the painter does not end");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "the painter does not end");
         std::thread::sleep(Duration::from_millis(1));
     }
     // Nobody has asked for reports.

@@ -37,7 +37,7 @@ fn settle(live: &mut LiveLook, seconds: &mut f64) {
         if live.is_settled() {
             return;
         }
-        assert!(started.elapsed() < Duration::from_secs(120), "no picture: {:?}", live.error);
+        assert!(started.elapsed() < fantex_test::PATIENCE, "no picture: {:?}", live.error);
         std::thread::sleep(Duration::from_millis(5));
     }
 }

@@ -27,12 +27,7 @@ mod shell;
 mod text;
 mod viewer;
 
-use std::time::Duration;
-
 use fantex_app::notices::{Notices, Severity};
-
-/// How long is waited for what takes a second: machines may be busy.
-const PATIENCE: Duration = Duration::from_secs(600);
 
 /// Errors on the screen.
 fn errors(notices: &Notices) -> usize {

@@ -100,7 +100,7 @@ impl Studio {
             if !is_busy {
                 return;
             }
-            assert!(started.elapsed() < crate::PATIENCE, "the painter does not end");
+            assert!(started.elapsed() < fantex_test::PATIENCE, "the painter does not end");
             std::thread::sleep(Duration::from_millis(2));
         }
     }
@@ -182,7 +182,7 @@ fn everything_is_saved_and_verified_and_comes_back() {
     studio.wait();
     let started = Instant::now();
     while studio.painting.save != SaveState::Saved {
-        assert!(started.elapsed() < crate::PATIENCE, "it does not save by itself");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not save by itself");
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
     }
@@ -240,7 +240,7 @@ fn layers_are_dragged_copied_merged_and_seen_in_small() {
     let started = Instant::now();
     let wanted = [Target::Base, Target::Layer(ids[2]), Target::Layer(copy), Target::Mask(ids[0])];
     while !wanted.iter().all(|of| studio.painting.thumbnails.contains_key(of)) {
-        assert!(started.elapsed() < crate::PATIENCE, "{:?}", studio.painting.thumbnails.keys());
+        assert!(started.elapsed() < fantex_test::PATIENCE, "{:?}", studio.painting.thumbnails.keys());
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
     }
@@ -278,7 +278,7 @@ fn a_full_disk_is_said_and_painting_goes_on() {
     studio.stroke();
     let started = Instant::now();
     while !matches!(studio.painting.save, SaveState::Failed(_)) {
-        assert!(started.elapsed() < crate::PATIENCE, "it does not say so");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not say so");
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
     }
@@ -374,7 +374,7 @@ fn the_mirror_s_line_lies_on_the_model() {
     assert!(section.update(&studio.painting.surface, 0, 0.0, &studio.view) && section.parts() == seen);
     let started = Instant::now();
     while !section.update(&studio.painting.surface, 0, 0.1, &studio.view) {
-        assert!(started.elapsed() < crate::PATIENCE, "it stays behind");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it stays behind");
     }
     assert!(section.parts().iter().flatten().all(|p| (p.x - 0.1).abs() < 1e-9));
     let is_current = section.update(&studio.painting.surface, 0, 0.2, &studio.view);
@@ -556,7 +556,7 @@ fn large_asset(folder: &Path) -> PathBuf {
 fn wait_for_work(studio: &mut Studio) {
     let started = Instant::now();
     while studio.painting.work.as_ref().is_none_or(|work| work.share < 0.1) {
-        assert!(started.elapsed() < crate::PATIENCE && studio.painting.is_busy(), "it is told of");
+        assert!(started.elapsed() < fantex_test::PATIENCE && studio.painting.is_busy(), "it is told of");
         studio.painting.poll(&mut studio.settings, &mut studio.notices);
         studio.painting.look_from(&studio.view);
         std::thread::sleep(Duration::from_millis(1));

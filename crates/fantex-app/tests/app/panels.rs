@@ -305,7 +305,7 @@ pub(crate) fn wait_painted(viewer: &mut Viewer) {
         if !is_busy {
             return;
         }
-        assert!(started.elapsed() < crate::PATIENCE, "the painter does not end");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "the painter does not end");
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
 }
@@ -539,7 +539,7 @@ fn layers_are_dragged_with_the_mouse_into_groups_and_out_of_them() {
 fn wait_opened(harness: &mut Harness<'static, Viewer>) {
     let started = std::time::Instant::now();
     while harness.state().is_opening() {
-        assert!(started.elapsed() < crate::PATIENCE, "it does not open");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not open");
         std::thread::sleep(std::time::Duration::from_millis(5));
         harness.state_mut().poll();
     }

@@ -43,7 +43,7 @@ fn point(
         if let Some(text) = found.filter(|text| accepts(text)) {
             return text;
         }
-        assert!(started.elapsed() < crate::PATIENCE, "no text with '{words}'");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "no text with '{words}'");
         std::thread::sleep(Duration::from_millis(5));
         harness.state_mut().poll();
     }

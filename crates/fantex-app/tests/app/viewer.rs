@@ -35,7 +35,7 @@ fn wait(viewer: &mut Viewer) {
         if !viewer.is_opening() && !viewer.is_preparing_ground() && !viewer.is_making_surroundings() {
             return;
         }
-        assert!(started.elapsed() < crate::PATIENCE, "a job does not end");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "a job does not end");
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -108,7 +108,7 @@ fn what_is_given_up_does_not_hold_up_what_comes_next() {
     viewer.open(&first.to_string_lossy());
     let started = Instant::now();
     while viewer.opening.as_ref().unwrap().stage() != Stage::Preparing {
-        assert!(started.elapsed() < crate::PATIENCE, "it is not read");
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it is not read");
         std::thread::sleep(Duration::from_millis(2));
     }
     viewer.command(Command::Cancel);
@@ -141,7 +141,7 @@ fn preparing_is_told_in_shares() {
                 && opening.share().is_some_and(|share| (share - expected).abs() < 0.002)
         };
         while !is_there(&viewer) || viewer.opening.as_ref().unwrap().seconds() < 0.2 {
-            assert!(started.elapsed() < crate::PATIENCE, "it is not told");
+            assert!(started.elapsed() < fantex_test::PATIENCE, "it is not told");
             std::thread::sleep(Duration::from_millis(2));
         }
         let mut harness = crate::panels::harness(viewer, [1280.0, 800.0]);

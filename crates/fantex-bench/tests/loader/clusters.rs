@@ -318,7 +318,7 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
     while begin.elapsed() < Duration::from_millis(400) || ready < 500 << 10 {
         let now = loader.statistics();
         ready = now.ready_bytes;
-        assert!(begin.elapsed() < crate::PATIENCE, "{now:?}");
+        assert!(begin.elapsed() < fantex_test::PATIENCE, "{now:?}");
         assert!(now.in_flight_bytes <= (400 << 10) + (300 << 10), "{now:?}");
         assert!(now.cache_bytes <= 600 << 10 && now.stored_cache_bytes <= 300 << 10, "{now:?}");
         // A batch per worker, and its last page.
@@ -368,7 +368,7 @@ fn dropping_a_busy_loader_ends_its_threads() {
             }
         }
         // A joined thread may still be listed for a moment.
-        let deadline = Instant::now() + crate::PATIENCE;
+        let deadline = Instant::now() + fantex_test::PATIENCE;
         while thread_count() > before {
             assert!(Instant::now() < deadline, "{} threads, {before} before", thread_count());
             std::thread::sleep(Duration::from_millis(1));

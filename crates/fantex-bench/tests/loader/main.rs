@@ -24,9 +24,6 @@ use fantex_stream::{
 };
 use glam::{Vec3, Vec4};
 
-/// How long is waited for what takes a second: machines may be busy.
-const PATIENCE: Duration = Duration::from_secs(600);
-
 // A small baked asset, and ways to load all of it.
 
 /// Waves and noise, so that clusters do not pack to nothing.
@@ -125,7 +122,7 @@ pub(crate) fn expected(asset: &Asset, parcel: Parcel, block_compressed: bool) ->
 
 /// Polls until nothing is pending.
 pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<LoadedParcel> {
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     let mut pages = Vec::new();
     while loader.pending() > 0 {
         let arrived = loader.poll(max_bytes);

@@ -71,7 +71,7 @@ impl Stage {
 
     /// Frames until nothing happens any more.
     fn settle(&mut self, eye: DVec3) {
-        let deadline = Instant::now() + crate::PATIENCE;
+        let deadline = Instant::now() + fantex_test::PATIENCE;
         let mut quiet = 0;
         while quiet < 5 {
             let changes = self.frame(eye);
@@ -320,7 +320,7 @@ fn a_slow_disk_delays_pages_and_no_frame() {
             break;
         }
         assert!(!watch.awaited().is_empty());
-        assert!(started.elapsed() < crate::PATIENCE, "{:?}", stage.streamer.statistics());
+        assert!(started.elapsed() < fantex_test::PATIENCE, "{:?}", stage.streamer.statistics());
         std::thread::sleep(Duration::from_millis(1));
     }
     assert!(frames > 1 && started.elapsed() > 2 * faults.delay, "{frames} frames");

@@ -61,7 +61,7 @@ fn load_all(loader: &mut ClusterLoader, tasks: &Tasks, parcels: &[Parcel]) -> BT
     for (i, &parcel) in parcels.iter().enumerate() {
         loader.request(parcel, (i % 17) as f32);
     }
-    let deadline = Instant::now() + crate::PATIENCE;
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     let mut arrived = BTreeMap::new();
     while loader.pending() > 0 {
         assert!(Instant::now() < deadline, "{:?}", loader.statistics());
@@ -210,7 +210,7 @@ fn what_is_cancelled_does_not_come_and_a_short_answer_is_an_error() {
     let parcels = all_parcels(&baked.asset);
     loader.request_all(&[(parcels[0], 1.0), (parcels[1], 2.0)]);
     loader.cancel(parcels[0]);
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     let mut arrived = Vec::new();
     while loader.pending() > 0 && Instant::now() < deadline {
         tasks.turn();

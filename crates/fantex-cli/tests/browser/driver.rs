@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use fantex::texture::Image;
+use fantex_test::PATIENCE;
 use serde_json::{Value, json};
 use ureq::Agent;
 
@@ -36,9 +37,6 @@ const ON_THE_CARD: [&str; 3] = ["--use-vulkan=native", "--use-angle=vulkan", "--
 pub(crate) fn is_on_the_card() -> bool {
     std::env::var_os("FANTEX_BROWSER_GPU").is_some()
 }
-
-/// How long a page may take. (Software draws it, maybe beside other tests.)
-const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(crate) struct Browser {
     driver: Child,

@@ -523,7 +523,7 @@ fn a_hang_up_stays_ignored() {
 /// Waits until a command has written some files into a folder.
 #[cfg(unix)]
 fn wait_for_files(child: &mut std::process::Child, folder: &Path, count: usize) {
-    let deadline = Instant::now() + Duration::from_secs(120);
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     while !folder.is_dir() || files(folder).len() < count {
         assert!(child.try_wait().unwrap().is_none(), "the command ended with fewer than {count} files");
         assert!(Instant::now() < deadline, "the command has not written {count} files");

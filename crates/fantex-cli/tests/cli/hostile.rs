@@ -229,7 +229,7 @@ fn devices_and_pipes_are_not_read() {
         ] {
             let mut child =
                 fantex().args(&arguments).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
-            let deadline = Instant::now() + Duration::from_secs(60);
+            let deadline = Instant::now() + fantex_test::PATIENCE;
             while child.try_wait().unwrap().is_none() {
                 if Instant::now() > deadline {
                     child.kill().unwrap();

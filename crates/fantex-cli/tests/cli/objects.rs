@@ -119,7 +119,7 @@ impl Store {
     pub(crate) fn wait_for_parts(&self) {
         let since = Instant::now();
         while self.count("now") == 0 {
-            assert!(since.elapsed() < Duration::from_secs(120), "nothing is uploaded");
+            assert!(since.elapsed() < fantex_test::PATIENCE, "nothing is uploaded");
             std::thread::sleep(Duration::from_millis(20));
         }
     }

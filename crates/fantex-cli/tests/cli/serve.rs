@@ -182,7 +182,7 @@ fn too_many_connections_are_told() {
     let Ok(idle) = (0..256).map(connect).collect::<Result<Vec<_>, _>>() else {
         return fantex_test::skip("so many files may not be open at a time");
     };
-    let deadline = Instant::now() + Duration::from_secs(60);
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     let asked_until = |wanted: u16| loop {
         let answer = ask(serving.port, "GET /a%20b.fan", "");
         if answer.0 == wanted {
@@ -359,7 +359,7 @@ fn ctrl_c_ends_it_well() {
     let _idle = TcpStream::connect(("127.0.0.1", serving.port)).unwrap();
     // SAFETY: the process is a child that has not been waited for, so the number names it.
     assert_eq!(unsafe { libc::kill(serving.child.id() as libc::pid_t, libc::SIGINT) }, 0);
-    let deadline = Instant::now() + Duration::from_secs(30);
+    let deadline = Instant::now() + fantex_test::PATIENCE;
     let status = loop {
         match serving.child.try_wait().unwrap() {
             Some(status) => break status,

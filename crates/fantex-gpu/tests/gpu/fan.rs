@@ -398,7 +398,7 @@ fn a_streamed_view_becomes_sharp() {
     let mut streamed = StreamedModel::open(&gpu, baked.asset().clone(), 32 << 20).unwrap();
     assert!(streamed.model.texel_bytes() <= 32 << 20);
     let view = stream_view(&camera, common::SIZE, streamed.model.space());
-    let patience = std::time::Duration::from_secs(60);
+    let patience = fantex_test::PATIENCE;
     assert!(streamed.wait_until_sharp(&gpu, &view, &options.filter, patience).unwrap());
     let statistics = streamed.streamer.statistics();
     assert!(statistics.resident.parcels > 0 && statistics.missing == 0, "{statistics:?}");
@@ -432,7 +432,7 @@ impl Streaming {
 
     fn sharp(&self, gpu: &Gpu, streamed: &mut StreamedModel) -> Picture {
         let view = stream_view(&self.camera, common::SIZE, streamed.model.space());
-        let patience = std::time::Duration::from_secs(60);
+        let patience = fantex_test::PATIENCE;
         assert!(streamed.wait_until_sharp(gpu, &view, &self.options.filter, patience).unwrap());
         self.draw(gpu, streamed)
     }
@@ -469,7 +469,7 @@ fn pages_in_the_gaps_of_others_look_as_they_do_alone() {
         small.streamer.invalidate(&pages);
         let [seen, expected] = [&mut small, &mut large].map(|streamed| {
             let view = stream_view(&camera, common::SIZE, streamed.model.space());
-            let patience = std::time::Duration::from_secs(60);
+            let patience = fantex_test::PATIENCE;
             assert!(streamed.wait_until_sharp(&gpu, &view, &options.filter, patience).unwrap());
             streamed.streamer.sanity_check();
             common::draw(&gpu, &mut streamed.model, &camera, &Lights::default(), &options)
@@ -496,7 +496,7 @@ fn a_streamed_model_goes_on_with_another_device() {
     // Another view, so that pages arrive.
     let near = Camera { eye: scene.camera.eye * 0.6, ..scene.camera };
     let view = stream_view(&near, common::SIZE, streamed.model.space());
-    let patience = std::time::Duration::from_secs(60);
+    let patience = fantex_test::PATIENCE;
     let error = streamed.wait_until_sharp(&gpu, &view, &scene.options.filter, patience).unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
     // A device that was lost meanwhile is told by the next call; nothing fails on the way there.
