@@ -15,6 +15,7 @@
 //! | [`sweep`] | pairs of boxes that meet |
 //! | [`text`] | counts and shares in messages, names in addresses |
 //! | [`union_find`] | disjoint sets |
+//! | [`vector_level()`] | the vectors that the processor has |
 //! | [`zstandard`] | unpacking of Zstandard frames |
 
 pub mod aabb;
@@ -29,6 +30,7 @@ pub mod srgb;
 pub mod sweep;
 pub mod text;
 pub mod union_find;
+mod vectors;
 pub mod zstandard;
 
 pub use aabb::Aabb;
@@ -39,6 +41,7 @@ pub use json_problem::json_problem;
 pub use random::{Random, mix64};
 pub use text::{counted, grouped, numbered, percent, uri_escaped};
 pub use union_find::UnionFind;
+pub use vectors::vector_level;
 
 /// Files of the caller's folder as `(path in the workspace, content)`: `files!["gallery/": "bump.toml" "glow.toml"]`.
 #[macro_export]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fantex::addresses::{change, change_copy, check_is_path};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay, without_room};
-use fantex::store::MOST_GAPS;
+use fantex::store::MAX_GAPS;
 use fantex::{ChannelKind, Error, Preview, PreviewOptions, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -60,7 +60,7 @@ pub(crate) fn paint(
             painter.commit()?;
             if !options.history {
                 // What was painted is there without that, too.
-                painter.close_gaps(MOST_GAPS).unwrap_or_default();
+                painter.close_gaps(MAX_GAPS).unwrap_or_default();
             }
             Ok(summary)
         };

@@ -1,13 +1,13 @@
 //! A baked asset: fan tiles through the texture function.
 
-use fantex_mesh::{Material, OpposedTriangles};
+use fantex_mesh::{CornerNormals, Material, OpposedTriangles};
 use fantex_store::{
     ChannelKind, Footprint, PageCache, SamplePoint, Sampler, Stretch, SurfaceValues, TileSource,
 };
 use fantex_texture::ColorRamp;
 use glam::{Vec3, Vec4};
 
-use crate::surface::{CornerNormals, bent_steps, opacity};
+use crate::surface::{NormalsOfHits as _, bent_steps, opacity};
 use crate::{
     AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
 };
@@ -49,7 +49,7 @@ impl<S: TileSource> FanSurface<S> {
         let mesh = sampler.mesh();
         let channel_of = |kind| sampler.channels().iter().position(|channel| channel.kind == kind);
         Self {
-            normals: CornerNormals::of_mesh(mesh),
+            normals: CornerNormals::of(mesh),
             base_color_channel: channel_of(ChannelKind::BaseColor),
             normal_channel: channel_of(ChannelKind::Normal),
             has_surface: sampler.has(ChannelKind::OcclusionRoughnessMetallic),

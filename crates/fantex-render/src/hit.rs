@@ -1,5 +1,6 @@
 //! From a screen position back to the point of a triangle.
 
+use fantex_base::vector_level;
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_scene::Projection;
 use fearless_simd::prelude::*;
@@ -7,7 +8,7 @@ use fearless_simd::{Select, Simd, dispatch};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
 use crate::Interpolation;
-use crate::vectors::{Vector, add, dot, level, normalize_or, scaled, splat, sub};
+use crate::vectors::{Vector, add, dot, normalize_or, scaled, splat, sub};
 
 /// A point of the surface that is being shaded, and how it moves with the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +183,7 @@ impl HitFinder<'_> {
                 question.position[0][index] = position.x;
                 question.position[1][index] = position.y;
             }
-            dispatch!(level(), simd => answer_all(simd, &view, &question, &mut answer));
+            dispatch!(vector_level(), simd => answer_all(simd, &view, &question, &mut answer));
             let triangles = seen.iter().map(|&(triangle, _)| triangle as usize);
             hits.extend(triangles.enumerate().map(|(index, triangle)| answer.hit(index, triangle)));
         }

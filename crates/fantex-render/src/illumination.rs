@@ -10,7 +10,6 @@ use glam::{DVec3, Vec2, Vec3};
 
 use crate::primitive::reserve_drawing;
 use crate::shadow::{Receiver, ShadowMaps, ShadowPlan};
-use crate::surface::face_normal;
 use crate::{Hit, Lens, RenderOptions, Surface};
 
 /// The lights of a scene, in mesh space and with their shadow maps.
@@ -148,7 +147,7 @@ impl LitPoint {
     fn new(mesh: &Mesh, surface: &dyn Surface, hit: &Hit) -> Self {
         let (position, steps) = hit.interpolate(mesh.triangle_positions(hit.triangle()));
         let side = if hit.front { 1.0 } else { -1.0 };
-        let facet_normal = face_normal(mesh, hit.triangle()) * side;
+        let facet_normal = hit.at.facet_normal(mesh) * side;
         let smooth = surface.smooth_point(hit);
         let receiver = Receiver {
             position: position + smooth.map_or(Vec3::ZERO, |s| s.offset),

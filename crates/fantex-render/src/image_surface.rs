@@ -2,7 +2,7 @@
 //! points at once.
 
 use fantex_base::Result;
-use fantex_mesh::{Material, Mesh, OpposedTriangles, SurfacePoint};
+use fantex_mesh::{CornerNormals, Material, Mesh, OpposedTriangles, SurfacePoint};
 use fantex_texture::material::{
     ImageSlots, LeftOut, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
     load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
@@ -11,7 +11,7 @@ use fantex_texture::material::{
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
-use crate::surface::{CornerNormals, bent_steps, opacity};
+use crate::surface::{NormalsOfHits as _, bent_steps, opacity};
 use crate::{Coverage, FilterOptions, Hit, MaterialSample, Shaded, SmoothPoint, Surface};
 
 /// A mesh with its own materials. Textures whose texture coordinates the mesh lacks are left out.
@@ -34,8 +34,8 @@ impl<'a> ImageSurface<'a> {
     pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         let (mut textures, left_out) = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
-        let normals = CornerNormals::of_mesh(mesh);
-        let tangents = normal_map_tangents(mesh, normals.all(), &textures);
+        let normals = CornerNormals::of(mesh);
+        let tangents = normal_map_tangents(mesh, &normals, &textures);
         let opposed = OpposedTriangles::of(&mesh.triangles);
         Ok(Self { mesh, normals, tangents, textures, filter, opposed, left_out })
     }
@@ -86,7 +86,7 @@ type Texels = ImageSlots<Option<Vec4>>;
 impl ImageSurface<'_> {
     /// The unit normal that a normal map's texel gives the front side.
     fn bent_normal(&self, material: &Material, texel: Vec4, hit: &Hit) -> Option<Vec3> {
-        let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle(), hit.at.lambda);
+        let frame = TangentFrame::at(&self.normals, &self.tangents, hit.triangle(), hit.at.lambda);
         frame.bend(material, texel)
     }
 }

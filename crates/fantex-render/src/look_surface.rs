@@ -10,7 +10,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use fantex_base::Result;
-use fantex_mesh::{Mesh, ObjectSpace, OpposedTriangles};
+use fantex_mesh::{CornerNormals, Mesh, ObjectSpace, OpposedTriangles};
 use fantex_store::limits::MAX_UV_SETS;
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
@@ -24,7 +24,7 @@ use fantex_texture::{Eye, Filtering, ShadingPoint, Stretch, Texture, UvPoint};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
 use crate::image_surface::ImageSurface;
-use crate::surface::CornerNormals;
+use crate::surface::NormalsOfHits as _;
 use crate::{
     AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
 };
@@ -131,8 +131,8 @@ impl<'a> TextureSurface<'a> {
         if materials.is_empty() {
             materials.push(Arc::default());
         }
-        let normals = CornerNormals::of_mesh(mesh);
-        let tangents = LookTangents::new(mesh, normals.all(), &materials);
+        let normals = CornerNormals::of(mesh);
+        let tangents = LookTangents::new(mesh, &normals, &materials);
         let (space, opposed) = (ObjectSpace::of(mesh), OpposedTriangles::of(&mesh.triangles));
         Self { mesh, space, normals, tangents, materials, time: 0.0, stretch: None, opposed }
     }
@@ -144,7 +144,7 @@ impl<'a> TextureSurface<'a> {
 
     /// The frame of tangent space, in mesh space; `None` where there are no such texture coordinates.
     fn tangent_frame(&self, hit: &Hit, space: &TangentSpace) -> Option<TangentFrame> {
-        self.tangents.frame(space, self.normals.all(), hit.triangle(), hit.at.lambda)
+        self.tangents.frame(space, &self.normals, hit.triangle(), hit.at.lambda)
     }
 
     /// The normal bent by a material's relief, and what of the relief is too fine to be seen.
@@ -483,8 +483,8 @@ impl<'a> LookPoint<'a> {
 /// The interpolated unit normal of the front, whichever side is seen, and its change along the footprint's edges: of `b / |b|` that is
 /// `(db - n (n . db)) / |b|`.
 fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec3; 2]) {
-    let normal = normals.at(mesh, hit);
-    let (blend, changes) = hit.interpolate(hit.at.corner_values(normals.all()));
+    let normal = normals.at(mesh, hit.at);
+    let (blend, changes) = hit.interpolate(hit.at.corner_values(normals));
     let length = blend.length().max(1e-3);
     (normal, changes.map(|change| (change - normal * normal.dot(change)) / length))
 }

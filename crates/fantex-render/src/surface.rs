@@ -1,6 +1,6 @@
 //! What a surface tells the renderer about its points.
 
-use fantex_mesh::{AlphaMode, Material, Mesh, SurfacePoint, shading_normals};
+use fantex_mesh::{AlphaMode, CornerNormals, Material, Mesh, SurfacePoint};
 use glam::Vec3;
 
 use crate::{Finish, Hit};
@@ -197,33 +197,23 @@ pub trait Surface: Sync {
     }
 }
 
-// Shading normals per corner.
-
-/// Unit shading normals of a mesh, one per corner.
-#[derive(Clone, Debug)]
-pub(crate) struct CornerNormals(Vec<Vec3>);
-
-impl CornerNormals {
-    pub(crate) fn of_mesh(mesh: &Mesh) -> Self {
-        Self(shading_normals(mesh))
-    }
-
-    pub(crate) fn all(&self) -> &[Vec3] {
-        &self.0
-    }
-
-    /// The interpolated unit normal on the front side.
-    pub(crate) fn at(&self, mesh: &Mesh, hit: &Hit) -> Vec3 {
-        hit.at.smooth_normal(&self.0).unwrap_or_else(|| face_normal(mesh, hit.triangle()))
-    }
-
+/// Shading normals as hits ask for them.
+pub(crate) trait NormalsOfHits {
     /// The interpolated unit normal on the front side, and its change along the pixel's edges, on the side that the eye sees.
+    fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]);
+
+    /// The point lifted to the planes that stand on the normals at the facet's corners (J. Hanika, "Hacking the Shadow
+    /// Terminator", 2021), and the normal there, on the side that the eye sees.
+    fn smooth_point(&self, mesh: &Mesh, hit: &Hit) -> SmoothPoint;
+}
+
+impl NormalsOfHits for CornerNormals {
     #[inline]
-    pub(crate) fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
-        let (unnormalised, steps) = hit.interpolate(hit.at.corner_values(&self.0));
+    fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
+        let (unnormalised, steps) = hit.interpolate(hit.at.corner_values(self));
         let scale = unnormalised.length_recip();
         if !(scale.is_finite() && scale > 0.0) {
-            return (face_normal(mesh, hit.triangle()), [Vec3::ZERO; 2]);
+            return (hit.at.facet_normal(mesh), [Vec3::ZERO; 2]);
         }
         let normal = unnormalised * scale;
         let scale = if hit.front { scale } else { -scale };
@@ -233,27 +223,18 @@ impl CornerNormals {
         };
         (normal, [along(steps[0]), along(steps[1])])
     }
-}
 
-impl CornerNormals {
-    /// The point lifted to the planes that stand on the normals at the facet's corners (J. Hanika, "Hacking the Shadow
-    /// Terminator", 2021), and the normal there, on the side that the eye sees.
-    pub(crate) fn smooth_point(&self, mesh: &Mesh, hit: &Hit) -> SmoothPoint {
+    fn smooth_point(&self, mesh: &Mesh, hit: &Hit) -> SmoothPoint {
         let side = if hit.front { 1.0 } else { -1.0 };
         let positions = mesh.triangle_positions(hit.triangle());
         let point = hit.at.interpolate(positions);
+        let normals = hit.at.corner_values(self);
         let lift = [0, 1, 2].map(|k| {
-            let normal = self.0[3 * hit.triangle() + k] * side;
+            let normal = normals[k] * side;
             normal * (positions[k] - point).dot(normal).max(0.0)
         });
-        SmoothPoint { offset: hit.at.interpolate(lift), normal: self.at(mesh, hit) * side }
+        SmoothPoint { offset: hit.at.interpolate(lift), normal: self.at(mesh, hit.at) * side }
     }
-}
-
-/// Unit normal of a facet, towards its front.
-pub(crate) fn face_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
-    let [a, b, c] = mesh.triangle_positions(triangle).map(|p| p.as_dvec3());
-    (b - a).cross(c - a).try_normalize().map_or(Vec3::Z, |n| n.as_vec3())
 }
 
 // Colours computed from triangle and barycentric coordinates, for pictures that explain.
@@ -282,7 +263,7 @@ pub struct FlatSurface<'a, F> {
 impl<'a, F: Fn(&Hit) -> Vec3 + Sync> FlatSurface<'a, F> {
     /// Colours `mesh` by `color`.
     pub fn new(mesh: &'a Mesh, shading: FlatShading, color: F) -> Self {
-        let normals = (shading == FlatShading::Smooth).then(|| CornerNormals::of_mesh(mesh));
+        let normals = (shading == FlatShading::Smooth).then(|| CornerNormals::of(mesh));
         Self { mesh, normals, unlit: shading == FlatShading::Unlit, color }
     }
 }
@@ -291,7 +272,7 @@ impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
     fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let (normal, normal_steps) = match &self.normals {
             Some(normals) => normals.with_steps(self.mesh, hit),
-            None => (face_normal(self.mesh, hit.triangle()), [Vec3::ZERO; 2]),
+            None => (hit.at.facet_normal(self.mesh), [Vec3::ZERO; 2]),
         };
         let material = MaterialSample {
             base_color: (self.color)(hit),

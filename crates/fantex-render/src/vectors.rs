@@ -4,14 +4,7 @@
 //! are equal, and do not depend on the processor. Closures are not compiled for the vectors' instruction set unless they are
 //! inlined, which the compiler declines: so each step is a function that must be.
 
-use std::sync::LazyLock;
-
-use fearless_simd::{Level, Select, Simd, prelude::*};
-
-pub(crate) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
+use fearless_simd::{Select, Simd, prelude::*};
 
 /// Three coordinates or colours of many points.
 pub(crate) type Vector<F> = [F; 3];

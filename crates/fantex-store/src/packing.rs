@@ -16,29 +16,23 @@
 //! before, so blocks must come in order. `reference` says the same record by record, for the tests. `docs/benchmarks.md` has the
 //! sizes and times.
 
-use std::sync::LazyLock;
-
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, Simd, dispatch, u8x16, u16x8, u32x4};
+use fearless_simd::{Simd, dispatch, u8x16, u16x8, u32x4};
 
 use crate::TexelFormat;
 
 #[cfg(test)]
 mod reference;
 
-pub(crate) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
-
 /// Rearranges the records `natural` into `packed`, of the same length.
 pub(crate) fn pack(format: TexelFormat, natural: &[u8], packed: &mut [u8]) {
-    dispatch!(level(), simd => pack_in(simd, format, natural, packed));
+    dispatch!(vector_level(), simd => pack_in(simd, format, natural, packed));
 }
 
 /// Inverse of [`pack`].
 pub(crate) fn unpack(format: TexelFormat, packed: &[u8], natural: &mut [u8]) {
-    dispatch!(level(), simd => unpack_in(simd, format, packed, natural));
+    dispatch!(vector_level(), simd => unpack_in(simd, format, packed, natural));
 }
 
 /// Bytes per record of runs of fields whose values are alike, in the order in which they are packed.
@@ -573,6 +567,8 @@ impl<S: Simd> Code<S, 8> for EndPoints<S> {
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::Level;
+
     use super::*;
 
     /// Bytes that look random, or that hardly change from record to record.

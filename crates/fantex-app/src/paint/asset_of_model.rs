@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex::base::files::{folder_of, followed, persist, temporary_file};
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, counted};
 use fantex::mesh::{LoadOptions, load};
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeLog};
 use fantex::store::{Asset, WriterLock};
@@ -184,11 +184,12 @@ fn replay_onto(
 fn replayed(summary: &ReplaySummary, path: &Path, old: &Path) -> String {
     let mut lost = String::new();
     if summary.unrecorded > 0 {
-        lost += &format!(", {} could not be", summary.unrecorded);
+        lost += &format!(", {} could not be repeated", summary.unrecorded);
     }
     if summary.missed_samples > 0 {
         lost += &format!(", and {} of their points met no surface", grouped(summary.missed_samples as u64));
     }
     let (path, old) = (path.display(), old.display());
-    format!("{} strokes were painted on the new {path}{lost}; the old one is {old}.", summary.strokes)
+    let strokes = counted(summary.strokes, "stroke");
+    format!("Painted {strokes} on the new {path}{lost}; the old one is {old}.")
 }

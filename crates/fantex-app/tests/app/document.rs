@@ -152,7 +152,7 @@ fn a_model_asks_how_it_becomes_an_asset() {
     assert_eq!(files(), before + 2, "the old asset and the new one's lock");
     let (document, painter) = *ready;
     assert_eq!(document.mesh().triangles.len(), 1024);
-    assert!(document.notes[0].contains("1 strokes"), "{:?}", document.notes);
+    assert!(document.notes[0].contains("Painted 1 stroke on"), "{:?}", document.notes);
     let old = Asset::open(&folder.path().join("torus-old-001.fan")).unwrap();
     assert_eq!(old.mesh().triangles.len(), 576);
     let asset = painter.editor().asset();

@@ -12,7 +12,7 @@ use fantex::mesh::AlphaMode;
 use fantex::paint::{
     PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, note_of_missing, replay, without_room,
 };
-use fantex::store::{ChannelKind, MOST_GAPS, MOST_GAPS_COPIED, io_cause};
+use fantex::store::{ChannelKind, MAX_GAPS, MAX_GAPS_COPIED, io_cause};
 use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
@@ -293,7 +293,7 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         if asset == args.asset {
             context.set_remains("the strokes were painted".to_owned());
         }
-        let most = if args.output.is_some() { MOST_GAPS_COPIED } else { MOST_GAPS };
+        let most = if args.output.is_some() { MAX_GAPS_COPIED } else { MAX_GAPS };
         // What was painted is there without that, too.
         if let Err(error) = painter.close_gaps(most) {
             let why = io_cause(&error).map_or_else(|| error.to_string(), ToString::to_string);

@@ -6,10 +6,10 @@ use super::topology::{NONE, flood, neighbours, signed_volume};
 use crate::{Mesh, VertexCorners};
 
 /// Pairs of parts that are compared. Of more nothing is known.
-const MOST_PAIRS: usize = 10_000_000;
+const MAX_PAIRS: usize = 10_000_000;
 
 /// Where the volume of a part is a smaller share of the cube over the diagonal of its box, it has no inside.
-const LEAST_VOLUME: f64 = 1e-9;
+const MIN_VOLUME: f64 = 1e-9;
 
 /// Closed parts whose fronts lie inside, where nobody can be: the triangles of each. A part may also be a room, which has its fronts inside
 /// on purpose, or the hollow of another part. So parts with one of `inside` (mesh space) or another part in their box are left out, and so are
@@ -35,13 +35,13 @@ pub fn inward_parts(mesh: &Mesh, inside: &[Vec3]) -> Vec<Vec<u32>> {
         if is_consistent && is_closed {
             volume = signed_volume(&mesh.positions, triangles, &patch, &turn);
         }
-        let least = LEAST_VOLUME * f64::from(low.distance(high)).powi(3);
+        let least = MIN_VOLUME * f64::from(low.distance(high)).powi(3);
         if volume < -least {
             inward.push((parts.len(), patch));
         }
         parts.push(Part { low, high, is_outward: volume > least });
     }
-    if inward.len().saturating_mul(parts.len()) > MOST_PAIRS {
+    if inward.len().saturating_mul(parts.len()) > MAX_PAIRS {
         return Vec::new();
     }
     inward.retain(|&(index, _)| {

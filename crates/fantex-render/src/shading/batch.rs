@@ -3,6 +3,7 @@
 
 use std::f32::consts::PI;
 
+use fantex_base::vector_level;
 use fantex_scene::{AmbientLight, SPLIT_SUM_NODES, Shading, split_sum_nodes};
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
@@ -11,7 +12,7 @@ use glam::Vec3;
 use crate::hit::HitFinder;
 use crate::illumination::{DistantLamp, PreparedLights};
 use crate::shading::{DIELECTRIC, MIN_ALPHA, evaluate};
-use crate::vectors::{Vector, add, clamped, dot, lerp, level, mul, normalize_or, scaled, splat, sub};
+use crate::vectors::{Vector, add, clamped, dot, lerp, mul, normalize_or, scaled, splat, sub};
 use crate::{Finish, Hit, MaterialSample, Shaded, Surface};
 
 /// Points of a block; a whole number of vectors.
@@ -99,7 +100,7 @@ pub(crate) fn evaluate_all(
             points.set(index, material, hit.to_eye);
         }
         let count = hits.len();
-        dispatch!(level(), simd => metallic_roughness(simd, &mut points, lights.ambient, lamps, count));
+        dispatch!(vector_level(), simd => metallic_roughness(simd, &mut points, lights.ambient, lamps, count));
         out.extend(hits.iter().zip(materials).enumerate().map(|(index, (hit, shaded))| {
             let (material, finish) = shaded;
             let is_plain = finish.as_ref().is_none_or(Finish::is_plain);

@@ -24,10 +24,10 @@ use crate::writer::{CLUSTER_TARGET_BYTES, NewFile, OpenCluster, pack_section};
 use crate::{Asset, Channel, PageId, TexelFormat, mesh_section, write_error};
 
 /// A file of whose bytes more than this share is [unused](Asset::gap_share) is worth being written anew.
-pub const MOST_GAPS: f64 = 0.5;
+pub const MAX_GAPS: f64 = 0.5;
 
 /// A copy that is made anyway leaves unused bytes out where they are more than this share.
-pub const MOST_GAPS_COPIED: f64 = 0.125;
+pub const MAX_GAPS_COPIED: f64 = 0.125;
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -45,7 +45,7 @@ use crate::{Asset, FileSource, PageId, Texels};
 
 pub use self::added::MIDDLE_HEIGHT;
 pub use self::commit::{CommitSummary, EditOutput};
-pub use self::compact::{CompactSummary, MOST_GAPS, MOST_GAPS_COPIED};
+pub use self::compact::{CompactSummary, MAX_GAPS, MAX_GAPS_COPIED};
 pub use self::lock::{Replacement, WriterLock};
 
 /// How to edit an asset.

@@ -12,11 +12,11 @@
 
 #![allow(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch};
 
 use super::{BlockRow, blocks_of_row};
-use crate::packing;
 
 const BLOCK_BYTES: usize = 16;
 
@@ -45,7 +45,7 @@ pub(super) fn encode(rows: &[BlockRow<'_>]) -> Vec<u8> {
     let bytes_of_lanes = bytes.chunks_mut(MAX_LANES * BLOCK_BYTES);
     for (texels, bytes) in texels.iter().zip(bytes_of_lanes) {
         let mut words = WordsOfLanes::default();
-        dispatch!(packing::level(), simd => encode_in(simd, texels, &mut words));
+        dispatch!(vector_level(), simd => encode_in(simd, texels, &mut words));
         for (lane, block) in bytes.as_chunks_mut::<BLOCK_BYTES>().0.iter_mut().enumerate() {
             for (bytes, words) in block.as_chunks_mut::<4>().0.iter_mut().zip(&words) {
                 *bytes = words[lane].to_le_bytes();

@@ -13,10 +13,9 @@
 //! selectors. The encoder's are not the best ones, which is what pays for cheap ones. A block depends on its texels only: equal ones stay
 //! equal, and repeat. `docs/benchmarks.md` has the figures.
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch, f32x16, i32x16, u32x8, u32x16};
-
-use crate::packing;
 
 /// Texels of a block, row-major.
 pub(super) type Texels = [[u8; 4]; 16];
@@ -64,7 +63,7 @@ const SELECTOR_PLACES: [f32; 16] =
 
 /// Replaces selectors of BC7 blocks of mode 6; others stay as they are. `alpha`: if alpha counts.
 pub(super) fn prefer_cheap(alpha: bool, blocks: &mut [u8], texels: impl Iterator<Item = Texels>) {
-    dispatch!(packing::level(), simd => prefer_cheap_in(simd, alpha, blocks, texels));
+    dispatch!(vector_level(), simd => prefer_cheap_in(simd, alpha, blocks, texels));
 }
 
 #[inline(always)]
@@ -220,7 +219,7 @@ mod tests {
 
     use super::*;
     use crate::encode::{Quality, blocks_of_row, encode_strip};
-    use crate::{TexelFormat, decode};
+    use crate::{TexelFormat, decode, packing};
 
     const WIDTH: usize = 4096;
 

@@ -1,5 +1,6 @@
 //! The levels of many look-ups at once, in vectors: the steps of [`TileLookup`](super::TileLookup) in the same order, so the results are equal.
 
+use fantex_base::vector_level;
 use fantex_cover::Group;
 use fantex_texture::filter::{GRID_LOOK_UPS, GridPlaces, MAX_ANISOTROPY, log2_lanes};
 use fantex_texture::{Filter, FilterOptions};
@@ -8,7 +9,6 @@ use fearless_simd::{Select, Simd, dispatch};
 use glam::Vec2;
 
 use super::lookup::MAX_FOOTPRINT;
-use crate::packing::level;
 use crate::{PAGE, TileId};
 
 /// Look-ups of a block; a whole number of vectors.
@@ -105,10 +105,12 @@ impl LevelBlock {
     pub(super) fn choose(&mut self, options: &FilterOptions) {
         let max_anisotropy = options.max_anisotropy.clamp(1.0, MAX_ANISOTROPY);
         match options.filter {
-            Filter::Trilinear => dispatch!(level(), simd => choose_levels::<_, false>(simd, self, 1.0)),
+            Filter::Trilinear => {
+                dispatch!(vector_level(), simd => choose_levels::<_, false>(simd, self, 1.0))
+            }
             Filter::Anisotropic => {
-                dispatch!(level(), simd => choose_levels::<_, true>(simd, self, max_anisotropy));
-                dispatch!(level(), simd => choose_probes(simd, self, max_anisotropy));
+                dispatch!(vector_level(), simd => choose_levels::<_, true>(simd, self, max_anisotropy));
+                dispatch!(vector_level(), simd => choose_probes(simd, self, max_anisotropy));
                 return;
             }
             _ => {
@@ -129,8 +131,8 @@ impl LevelBlock {
     pub(super) fn place(&mut self, depth: Depth, number: u32, places: &mut GridPlaces) {
         places.count = self.count;
         match depth {
-            Depth::Fine => dispatch!(level(), simd => place::<_, false>(simd, self, number, places)),
-            Depth::Coarse => dispatch!(level(), simd => place::<_, true>(simd, self, number, places)),
+            Depth::Fine => dispatch!(vector_level(), simd => place::<_, false>(simd, self, number, places)),
+            Depth::Coarse => dispatch!(vector_level(), simd => place::<_, true>(simd, self, number, places)),
         }
     }
 

@@ -1,10 +1,11 @@
 //! The mean of a reconstructed image over a parallelogram, by regular subsamples.
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, dispatch};
 use glam::{Vec2, Vec4};
 
-use super::batch::{BLOCK, Block, Colors, level};
+use super::batch::{BLOCK, Block, Colors};
 use super::batch_texels::{Meaning, UNIT, eight, load_four, store_rgba, widen};
 use super::taps::{
     Kernel, MARGIN_TEXELS, Reconstruction, TRANSPARENT_WEIGHT, Taps, TensorProduct, TexelSource, TexelUse,
@@ -279,7 +280,7 @@ impl AreaBlock {
         block.points.0[..points.len()].copy_from_slice(points);
         let is_small = u64::from(image.width) * u64::from(image.height) < u64::from(u32::MAX);
         if let Some(window) = plan.window.filter(|window| window.is_narrow && is_small) {
-            dispatch!(level(), simd => place(simd, plan, &window, [image.width, image.height], &mut block));
+            dispatch!(vector_level(), simd => place(simd, plan, &window, [image.width, image.height], &mut block));
         }
         block
     }
@@ -300,7 +301,7 @@ impl AreaBlock {
             is_srgb: image.space == ColorSpace::Srgb,
             is_coverage: texels.alpha == AlphaUse::Coverage,
         };
-        dispatch!(level(), simd => match image.channels {
+        dispatch!(vector_level(), simd => match image.channels {
             1 => sums::<_, 1>(simd, self, &source, out),
             3 => sums::<_, 3>(simd, self, &source, out),
             4 => sums::<_, 4>(simd, self, &source, out),

@@ -16,10 +16,10 @@
 
 use std::f32::consts::{LN_2, SQRT_2};
 use std::ops::Range;
-use std::sync::LazyLock;
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, Select, Simd, dispatch};
+use fearless_simd::{Select, Simd, dispatch};
 use glam::Vec2;
 
 use super::batch_texels::{Levels, Pairs, blend, mix, mix_texels, store_rgba, store_texels, weigh};
@@ -27,11 +27,6 @@ use crate::{AlphaUse, Wrap};
 
 /// Look-ups of a block: enough that no step waits for the one before, few enough that all arrays stay in the first cache.
 pub(crate) const BLOCK: usize = 64;
-
-pub(super) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
 
 /// Numbers of a block's look-ups.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +65,7 @@ impl Probes {
 
     /// Chooses the levels by footprints: `steps` are the footprints' edges in uv, `size` is that of level 0.
     pub(crate) fn choose_levels(&mut self, steps: &Steps, size: Vec2, last: usize) {
-        dispatch!(level(), simd => choose_levels(simd, self, steps, size, last as u32));
+        dispatch!(vector_level(), simd => choose_levels(simd, self, steps, size, last as u32));
     }
 
     /// Adds points of a row on equal levels, `first + step * number`; the block must have room for them.
@@ -148,7 +143,7 @@ impl LookUp<'_> {
     /// Interpolates in and between levels at all probes, alpha still a weight. Returns the set of those (a bit each) that must
     /// be looked up otherwise.
     pub(crate) fn sums(&self, probes: &Probes, workspace: &mut Workspace, out: &mut Colors) -> u64 {
-        dispatch!(level(), simd => sums_of_channels(simd, self, probes, workspace, out))
+        dispatch!(vector_level(), simd => sums_of_channels(simd, self, probes, workspace, out))
     }
 }
 

@@ -614,15 +614,15 @@ fn look_up<S: Simd>(simd: S, table: &[u8; 256], codes: S::u8s) -> S::u8s {
 
 #[cfg(test)]
 mod tests {
-    use super::super::batch::level;
+    use fantex_base::vector_level;
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
     use crate::color::unit_from_u8_table;
-    use fearless_simd::Level;
-    use fearless_simd::dispatch;
 
     /// What a block of look-ups between equal rows gives, whose left and right texels are these.
     fn between<const C: usize>(row: [u16; 8]) -> Colors {
-        between_on::<C>(level(), row)
+        between_on::<C>(vector_level(), row)
     }
 
     fn between_on<const C: usize>(level: Level, row: [u16; 8]) -> Colors {
@@ -662,10 +662,10 @@ mod tests {
     /// The widest vectors of the processor, and narrower ones.
     fn levels() -> Vec<Level> {
         #[cfg(target_arch = "x86_64")]
-        let narrower = level().as_avx2().map(Level::Avx2);
+        let narrower = vector_level().as_avx2().map(Level::Avx2);
         #[cfg(not(target_arch = "x86_64"))]
         let narrower = None;
-        [Some(Level::baseline()), narrower, Some(level())].into_iter().flatten().collect()
+        [Some(Level::baseline()), narrower, Some(vector_level())].into_iter().flatten().collect()
     }
 
     #[test]

@@ -4,10 +4,11 @@
 //! another path at its edges, and are worked out once for grids of equal extent that hold different things. What is looked up is
 //! weighted and added to sums, as several look-ups make a value.
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
 
-use super::batch::{BLOCK, Block, Quads, level};
+use super::batch::{BLOCK, Block, Quads};
 use super::batch_texels::{Meaning, Pairs, UNIT, blend_words, widen_four};
 
 /// Look-ups that are made at once.
@@ -104,7 +105,7 @@ impl Default for GridLookUps {
 impl GridLookUps {
     /// Finds the texels around other places, for all grids that have these extents.
     pub fn locate(&mut self, places: &GridPlaces) {
-        dispatch!(level(), simd => locate(simd, places, &mut self.quads));
+        dispatch!(vector_level(), simd => locate(simd, places, &mut self.quads));
     }
 
     /// Looks up linear RGBA at the places that were [located](Self::locate), and adds it, times its share, to the sums. `grid` has the
@@ -154,7 +155,7 @@ impl GridLookUps {
             left = places.without(missed);
             &left
         };
-        dispatch!(level(), simd => add_colors::<_, T>(simd, self, share, places.count, meaning, sums));
+        dispatch!(vector_level(), simd => add_colors::<_, T>(simd, self, share, places.count, meaning, sums));
         missed
     }
 

@@ -4,8 +4,8 @@
 //! bit by bit for coordinates below 2^31 (a zero may differ in its sign).
 
 use std::cell::Cell;
-use std::sync::LazyLock;
 
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, Select, dispatch};
 
@@ -17,18 +17,13 @@ pub(super) const MAX_OCTAVES: usize = 16;
 /// Points that are brought from `x y z x y z` to `x x y y z z` at a time.
 pub(super) const BLOCK: usize = 64;
 
-pub(super) fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
-
 /// The same, but not wider than eight lanes: few octaves would leave more of them empty.
 fn level_of_eight_lanes() -> Level {
     #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = level().as_avx2() {
+    if let Some(avx2) = vector_level().as_avx2() {
         return Level::Avx2(avx2);
     }
-    level()
+    vector_level()
 }
 
 // Closures are not compiled for the vectors' instruction set unless they are inlined, which the compiler declines here: so
@@ -149,7 +144,7 @@ impl<Origin> Octaves<Origin> {
     ) where
         Origin: Fn(u32) -> Option<[f32; D]>,
     {
-        dispatch!(level(), simd => self.block(simd, kernel, at, footprints, out));
+        dispatch!(vector_level(), simd => self.block(simd, kernel, at, footprints, out));
     }
 
     #[inline(always)]
@@ -244,7 +239,7 @@ pub(super) fn octave_values(
     count: usize,
 ) -> [f32; MAX_OCTAVES] {
     let mut out = [0.0; MAX_OCTAVES];
-    let level = if count <= 8 { level_of_eight_lanes() } else { level() };
+    let level = if count <= 8 { level_of_eight_lanes() } else { vector_level() };
     dispatch!(level, simd => octaves_in(simd, seeds, at, count, &mut out));
     out
 }

@@ -1,6 +1,7 @@
 //! Cellular noise at many points at once, see [`lanes`](super::lanes): points of one cell share the scattered points around it.
 
 use arrayvec::ArrayVec;
+use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, dispatch};
 
@@ -149,7 +150,7 @@ pub(super) fn cellular_at(
     let mut known = KnownPoints::default();
     for (first, out) in (0..).step_by(BLOCK).zip(out.chunks_mut(BLOCK)) {
         transpose(&mut at, out.len(), |i| point(first + i));
-        dispatch!(level(), simd => cellular_in(simd, seed, metric, &at, &mut known, out));
+        dispatch!(vector_level(), simd => cellular_in(simd, seed, metric, &at, &mut known, out));
     }
 }
 

@@ -13,7 +13,7 @@ use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
 use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
-use fantex_store::{Asset, MOST_GAPS_COPIED, Replacement, WriterLock};
+use fantex_store::{Asset, MAX_GAPS_COPIED, Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
@@ -214,7 +214,7 @@ pub fn change_into<T>(
     change: impl FnOnce(&Path) -> Result<T>,
 ) -> Result<T> {
     let replacement = Replacement::begin(output, overwrite)?;
-    let gapless = Asset::open(from).ok().filter(|asset| asset.gap_share() > MOST_GAPS_COPIED);
+    let gapless = Asset::open(from).ok().filter(|asset| asset.gap_share() > MAX_GAPS_COPIED);
     let copy = match gapless
         .map(|asset| asset.copy_without_gaps(output, &mut |done, total| copied(copying, from, done, total)))
     {
