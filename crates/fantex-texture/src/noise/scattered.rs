@@ -5,9 +5,7 @@ use fantex_base::vector_level;
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, dispatch};
 
-use super::lanes::{
-    BLOCK, CellsAndOffsets, Kernel, SIGN, absorb_all, finish_all, level, load, transpose, units,
-};
+use super::lanes::{BLOCK, CellsAndOffsets, Kernel, SIGN, absorb_all, finish_all, load, transpose, units};
 use super::{CELLULAR_RINGS, CELLULAR_SLACK, Cellular, CellularMetric};
 
 /// What cellular noise is made of.
