@@ -6,7 +6,9 @@ use std::{fs, panic};
 use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, WritableImage};
 use fantex_base::{ErrorKind, Result};
 use fantex_texture::compare::{FlipOptions, compare, compare_where, difference_picture, flip, psnr_db, ssim};
+use fantex_texture::environment::{CubeFace, EnvironmentMap};
 use fantex_texture::{AlphaUse, ColorSpace, Depth, Image, ImageLimits, Samples};
+use glam::Vec3;
 use proptest::prelude::*;
 
 use crate::common::{Random, assert_close, data_folder};
@@ -325,6 +327,34 @@ fn ktx2_files_are_read() {
         let error = decode_all(&bytes).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("'file'"), "{part}: {error}");
     }
+}
+
+/// Each face of a cube's file is seen in its own direction.
+#[test]
+fn files_of_cubes_are_environments() {
+    let folder = tempfile::tempdir().unwrap();
+    let texels: Vec<u8> = (0..6 * 4).flat_map(|texel| [10 * (1 + texel / 4), 0, 0, 255]).collect();
+    // Six faces of 2 x 2, blue first in the second file.
+    let swapped: Vec<u8> = texels.as_chunks().0.iter().flat_map(|&[r, g, b, a]| [b, g, r, a]).collect();
+    for (name, bytes) in [
+        ("a.ktx2", ktx2(43, [2, 2], 6, 0, &texels)),
+        ("a.dds", dds([2, 2, 0, 1], MASKED_BGRA, 0xfe00, &swapped)),
+    ] {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        let map = EnvironmentMap::load(&path).unwrap();
+        for (face, byte) in CubeFace::ALL.into_iter().zip([10_u8, 20, 30, 40, 50, 60]) {
+            let seen = map.sample(face.forward(), [Vec3::ZERO; 2]);
+            let encoded = f32::from(byte) / 255.0;
+            let expected =
+                if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+            assert!((seen.x - expected).abs() < 1e-3 * expected, "{name} {face:?}: {seen}, not {expected}");
+        }
+    }
+    let path = folder.path().join("tall.ktx2");
+    fs::write(&path, ktx2(43, [2, 3], 6, 0, &[0; 144])).unwrap();
+    let error = EnvironmentMap::load(&path).unwrap_err().to_string();
+    assert!(error.contains("2 x 3 texels, which is no environment"), "{error}");
 }
 
 #[test]
