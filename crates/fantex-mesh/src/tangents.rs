@@ -14,7 +14,8 @@ use crate::Mesh;
 ///
 /// Follows the definition of M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008: facet tangents are
 /// projected onto the plane of the corner's normal and averaged, weighted by angle, over the corners that share
-/// position, normal, texture coordinates and handedness.
+/// position, normal, texture coordinates and handedness. Facets without area in the image have a say only where there
+/// are no others.
 ///
 /// `normals` has a unit normal per corner; `uv_of` gives the coordinates at a triangle's corners (origin top left), or
 /// `None` for triangles that need no tangents, which get an arbitrary one.
@@ -33,9 +34,13 @@ pub fn corner_tangents(
     corners.sort_by(Corner::order);
     let mut tangents = vec![Vec4::X; 3 * mesh.triangles.len()];
     for shared in corners.chunk_by(|a, b| a.order(b) == Ordering::Equal) {
-        let sum: Vec3 = shared.iter().map(|c| c.weighted_tangent).sum();
+        let mean = |has_area: bool| {
+            let those = shared.iter().filter(|c| c.has_area == has_area);
+            those.map(|c| c.weighted_tangent).sum::<Vec3>().try_normalize()
+        };
         let first = &shared[0];
-        let tangent = sum.try_normalize().unwrap_or_else(|| first.normal.any_orthonormal_vector());
+        let tangent = mean(true).or_else(|| mean(false));
+        let tangent = tangent.unwrap_or_else(|| first.normal.any_orthonormal_vector());
         for corner in shared {
             tangents[corner.index] = tangent.extend(first.handedness);
         }
@@ -49,6 +54,8 @@ struct Corner {
     uv: Vec2,
     normal: Vec3,
     handedness: f32,
+    /// Whether the facet has an area in the image.
+    has_area: bool,
     weighted_tangent: Vec3,
 }
 
@@ -68,7 +75,7 @@ impl Corner {
 
 fn triangle_corners(mesh: &Mesh, normals: &[Vec3], t: usize, uv: [Vec2; 3]) -> [Corner; 3] {
     let positions = mesh.triangle_positions(t);
-    let (tangent, handedness) = facet_tangent(positions, uv);
+    let Facet { tangent, handedness, has_area } = Facet::of(positions, uv);
     [0, 1, 2].map(|k| {
         let normal = normals[3 * t + k];
         let projected = (tangent - normal * normal.dot(tangent)).normalize_or_zero();
@@ -78,6 +85,7 @@ fn triangle_corners(mesh: &Mesh, normals: &[Vec3], t: usize, uv: [Vec2; 3]) -> [
             uv: uv[k],
             normal,
             handedness,
+            has_area,
             weighted_tangent: projected * corner_angle(positions, k, normal),
         }
     })
@@ -92,13 +100,25 @@ fn corner_angle(p: [Vec3; 3], k: usize, normal: Vec3) -> f32 {
     libm::atan2f(a.cross(b).length(), a.dot(b))
 }
 
-/// The direction in which u grows on a facet (zero where its texture coordinates are degenerate) and the handedness:
-/// +1 where the image, whose v points downwards, is not mirrored.
-fn facet_tangent([a, b, c]: [Vec3; 3], [ta, tb, tc]: [Vec2; 3]) -> (Vec3, f32) {
-    let (e1, e2) = (b - a, c - a);
-    let (d1, d2) = (tb - ta, tc - ta);
-    let doubled_area = d1.perp_dot(d2);
-    let mirrored = doubled_area > 0.0;
-    let along_u = (e1 * d2.y - e2 * d1.y) * doubled_area.signum();
-    (along_u.normalize_or_zero(), if mirrored { -1.0 } else { 1.0 })
+struct Facet {
+    /// The direction in which u grows, or zero.
+    tangent: Vec3,
+    /// +1 where the image, whose v points downwards, is not mirrored.
+    handedness: f32,
+    /// Whether it has an area in the image. Where it has none but v changes, the tangent is the direction in which v does not.
+    has_area: bool,
+}
+
+impl Facet {
+    fn of([a, b, c]: [Vec3; 3], [ta, tb, tc]: [Vec2; 3]) -> Self {
+        let (e1, e2) = (b - a, c - a);
+        let (d1, d2) = (tb - ta, tc - ta);
+        let doubled_area = d1.perp_dot(d2);
+        let along_u = (e1 * d2.y - e2 * d1.y) * doubled_area.signum();
+        Self {
+            tangent: along_u.normalize_or_zero(),
+            handedness: if doubled_area > 0.0 { -1.0 } else { 1.0 },
+            has_area: doubled_area != 0.0,
+        }
+    }
 }

@@ -11,7 +11,7 @@ use fantex_base::input::Held;
 use fantex_base::srgb::{linear_from_srgb, srgb_from_linear, unorm8, unorm16};
 use fantex_base::{Error, Result, counted, zstandard};
 
-use crate::image_file::{ImageLimits, check_sides, divide_floats_by_alpha, reserve};
+use crate::image_file::{ImageLimits, check_sides, divide_floats_by_alpha, make_finite, reserve};
 use crate::{ColorSpace, Image, Samples};
 
 /// A kind of file that holds textures for graphics processors.
@@ -63,6 +63,7 @@ impl Layout {
         if self.is_multiplied && image.channels == 4 {
             self.divide_by_alpha(&mut image.samples);
         }
+        make_finite(&mut image);
         image
     }
 

@@ -92,7 +92,14 @@ impl FrameTexture {
             FrameWrap::Mirror if last == 0 => 0.0,
             FrameWrap::Mirror => {
                 let span = end - start;
-                span - (since.rem_euclid(2.0 * span) - span).abs()
+                let back = since.rem_euclid(2.0 * span) - span;
+                let since = span - back.abs();
+                if back > 0.0 && !self.is_blended {
+                    // On the way back, too, a frame stays until the next one, which is the one before.
+                    let frame = self.times.partition_point(|&time| time - start < since).min(last);
+                    return Moment { frame, next: frame, share: 0.0 };
+                }
+                since
             }
         };
         let frame = self.times.partition_point(|&time| time - start <= since).saturating_sub(1);
@@ -168,6 +175,16 @@ mod tests {
         let texture = frames(FrameWrap::Mirror, true);
         for (time, wanted) in [(4.0, 4.0), (5.0, 2.5), (6.0, 1.0), (7.0, 0.0), (8.0, 1.0), (0.0, 1.0)] {
             assert!((value(&texture, time) - wanted).abs() < 1e-4, "at {time}: {}", value(&texture, time));
+        }
+    }
+
+    #[test]
+    fn all_frames_stay_on_the_way_back() {
+        let texture = frames(FrameWrap::Mirror, false);
+        for (time, wanted) in
+            [(1.5, 0.0), (3.0, 1.0), (4.0, 4.0), (4.5, 4.0), (6.0, 1.0), (6.5, 1.0), (7.0, 0.0), (0.5, 1.0)]
+        {
+            assert_eq!(value(&texture, time), wanted, "at {time}");
         }
     }
 

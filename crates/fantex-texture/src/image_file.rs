@@ -3,7 +3,10 @@
 //! The format is recognised by the content when reading and chosen by the extension when writing. Row 0 of the file is row
 //! 0 of the image; orientation tags and colour profiles are not applied, so nothing is ever flipped or converted silently.
 //! OpenEXR files store colours multiplied with alpha; an [`Image`] holds straight alpha, so reading divides and writing
-//! multiplies.
+//! multiplies. Numbers of floating-point files that are none become 0 and infinite ones 65 504, the largest of half precision:
+//! they would spoil every mean that they enter.
+
+mod exr_channels;
 
 use std::borrow::Cow;
 use std::io::{Cursor, Write};
@@ -127,6 +130,12 @@ impl Image {
             _ => return Err(unknown()),
         };
         let decoded = input::guarded(|| {
+            if format == ImageFormat::OpenExr {
+                let headers = checked_exr(bytes, label, limits)?;
+                if let Some(image) = exr_channels::decode(bytes, &headers, label, limits)? {
+                    return Ok(image);
+                }
+            }
             if format == ImageFormat::Tiff {
                 check_tiff(bytes, label)?;
                 if let Some(image) = decode_numbers(bytes, label, limits)? {
@@ -142,6 +151,7 @@ impl Image {
         {
             divide_floats_by_alpha(values);
         }
+        make_finite(&mut image);
         Ok(image)
     }
 
@@ -274,9 +284,6 @@ fn decode_dynamic(
         ImageError::Unsupported(_) if format == ImageFormat::Tiff => tiff_not_read(label).with_source(error),
         _ => not_readable(label, format, &error.to_string()).with_source(error),
     };
-    if format == ImageFormat::OpenExr {
-        check_exr(bytes, label, limits)?;
-    }
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut decoder_limits = image::Limits::no_limits();
     decoder_limits.max_alloc = Some(limits.bytes);
@@ -296,11 +303,12 @@ fn copies(format: ImageFormat) -> u64 {
     }
 }
 
-/// Refuses OpenEXR files whose headers claim more than the file can hold or than may be allocated: the decoder believes them.
-fn check_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<()> {
+/// The headers of an OpenEXR file. Refuses those that claim more than the file can hold or than may be allocated: the decoder believes them.
+fn checked_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<exr::meta::Headers> {
     let refused = |cause: String| not_readable(label, ImageFormat::OpenExr, &cause);
     let read = exr::meta::MetaData::read_from_buffered(bytes, false);
-    for header in read.map_err(|error| refused(error.to_string()))?.headers {
+    let headers = read.map_err(|error| refused(error.to_string()))?.headers;
+    for header in &headers {
         let [window, display] = [header.layer_size, header.shared_attributes.display_window.size];
         for size in [window, display] {
             let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -324,7 +332,7 @@ fn check_exr(bytes: &[u8], label: &str, limits: ImageLimits) -> Result<()> {
             .saturating_mul(threads.min(header.chunk_count as u64 + 1));
         reserve(label, parts.saturating_add(area(window).saturating_mul(pixel_bytes)), limits)?;
     }
-    Ok(())
+    Ok(headers)
 }
 
 /// Refuses TIFF files with a field of more values than the file has bytes for: the decoder makes room for all before it reads one. Fields of the
@@ -425,6 +433,18 @@ fn from_dynamic(decoded: DynamicImage, default_space: ColorSpace) -> Image {
     };
     let space = if samples.depth() == Depth::F32 { ColorSpace::Linear } else { default_space };
     Image { width, height, channels, space, samples }
+}
+
+/// What takes the place of infinite numbers: the largest of half precision.
+pub(crate) const BRIGHTEST: f32 = 65_504.0;
+
+/// Replaces numbers that are not finite by the nearest ones that are allowed, and those that are none by 0.
+pub(crate) fn make_finite(image: &mut Image) {
+    if let Samples::F32(values) = &mut image.samples {
+        for value in values.iter_mut().filter(|value| !value.is_finite()) {
+            *value = if value.is_nan() { 0.0 } else { BRIGHTEST.copysign(*value) };
+        }
+    }
 }
 
 /// RGBA: straight from associated alpha; colours of fully transparent texels stay as they are.

@@ -302,8 +302,8 @@ parameters! {
 parameters! {
     /// The surroundings: one of `image`, `faces`, `sky`, `capture` or `color` says what they are.
     pub struct EnvironmentTable {
-        /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube or a strip of faces; with `layout`, two
-        /// paraboloids or a mirror ball.
+        /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube, a strip of faces, or a KTX2 or DDS file of a
+        /// cube; with `layout`, two paraboloids or a mirror ball.
         pub image: Option<FileName> = None,
         /// Six pictures: right, left, up, down, front, back.
         pub faces: Option<[FileName; 6]> = None,

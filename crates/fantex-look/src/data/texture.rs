@@ -176,7 +176,7 @@ parameters! {
 
     /// An environment as a texture. Either `image` or `faces` is needed.
     pub struct CubeTable {
-        /// Latitude-longitude, an unfolded cube, a strip of faces: recognised by its proportions.
+        /// Latitude-longitude, an unfolded cube, a strip of faces: recognised by its proportions; or a KTX2 or DDS file of a cube.
         pub image: Option<FileName> = None,
         /// Six images: right, left, up, down, front, back.
         pub faces: Option<[FileName; 6]> = None,

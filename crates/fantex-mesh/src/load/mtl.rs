@@ -468,7 +468,7 @@ fn take_number(rest: &mut &str) -> Option<f32> {
     Some(value)
 }
 
-/// One to three numbers `u v w`; v is as u by default here, as exporters that write one number mean it.
+/// One to three numbers `u v w`; those left out have the default.
 fn take_vector(rest: &mut &str, default: Vec2) -> Vec2 {
     let x = take_number(rest);
     let y = x.and_then(|_| take_number(rest));

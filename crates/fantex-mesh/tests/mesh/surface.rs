@@ -607,6 +607,23 @@ fn tangents_are_those_of_mikktspace() {
     }
 }
 
+/// As MikkTSpace has it: what has no area in the image does not turn the tangents of its neighbours.
+#[test]
+fn facets_without_area_in_the_image_turn_no_tangents() {
+    // A square that shows the image, and a third triangle at its right side on which the image is a line.
+    let places = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.5, 0.2)];
+    let positions = places.map(|(x, y)| Vec3::new(x, y, 0.0)).to_vec();
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [1, 4, 2]];
+    let uv = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0), (1.0, 3.0)].map(|(u, v)| Vec2::new(u, v));
+    let mesh = Mesh { positions, triangles, ..Mesh::default() };
+    let normals = [Vec3::Z; 9];
+    let tangents =
+        corner_tangents(&mesh, &normals, |t| Some(mesh.triangles[t].map(|vertex| uv[vertex as usize])));
+    for (corner, tangent) in tangents.iter().enumerate().filter(|(corner, _)| *corner != 7) {
+        assert!((*tangent - Vec4::new(1.0, 0.0, 0.0, 1.0)).length() < 1e-6, "corner {corner}: {tangent}");
+    }
+}
+
 fn one_triangle(corners: [Vec3; 3]) -> TriangleBvh {
     TriangleBvh::new(&Mesh { positions: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() })
 }

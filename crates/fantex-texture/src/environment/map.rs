@@ -12,17 +12,14 @@ use rayon::prelude::*;
 
 use super::level::{Level, halve};
 use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout};
-use crate::{Dependence, Image, ShadingPoint, Texture};
+use crate::image_file::BRIGHTEST;
+use crate::{ColorSpace, Dependence, Image, ShadingPoint, Texture};
 
 /// Longest ratio of a footprint's axes that [`EnvironmentMap::sample`] honours.
 pub const MAX_ENVIRONMENT_ANISOTROPY: f32 = 16.0;
 
 /// Bytes per texel while a map is made: a vector, and what levels keep of it.
 const MAKING_BYTES: u64 = 22;
-
-/// Brightest value of a texel: the largest finite half float. Suns are brighter, but one infinite texel would spoil
-/// every mean that it enters.
-pub(super) const BRIGHTEST: f32 = 65_504.0;
 
 /// Light from every direction: linear RGB, at least 0, any brightness; with coarser levels down to one texel per chart.
 ///
@@ -251,6 +248,7 @@ impl EnvironmentMap {
     }
 }
 
+/// Suns are brighter than [`BRIGHTEST`], but one infinite texel would spoil every mean that it enters.
 fn allowed(color: Vec3) -> Vec3A {
     // Not `clamp`, which keeps NaN.
     Vec3A::from(color.to_array().map(|c| if c > 0.0 { c.min(BRIGHTEST) } else { 0.0 }))
@@ -263,23 +261,35 @@ const MAX_TEXELS: u64 = 1 << 27;
 
 impl EnvironmentMap {
     /// Reads a panorama, a cube's cross or a strip of its faces, told apart by their proportions, in any format that
-    /// [`Image::load`] reads. See [`EnvironmentLayout`] for the orientation.
+    /// [`Image::load`] reads, or a KTX2 or DDS file of a cube. See [`EnvironmentLayout`] for the orientation.
     ///
     /// # Errors
     /// The file is no image, is too large or has other proportions.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
-        let (path, image) = load_within_limit(path.as_ref())?;
+        let path = path.as_ref();
+        let images = Image::load_all(path, ColorSpace::Srgb)?;
+        if let Ok(faces) = <&[Image; 6]>::try_from(&images[..]) {
+            check_limit(path, &faces[0], 6)?;
+            if let Some(map) = Self::from_faces(faces) {
+                return Ok(map);
+            }
+        }
+        let Some(image) = images.first() else {
+            return Err(Error::malformed(format!("'{}' holds no image", path.display())).with_path(path));
+        };
+        check_limit(path, image, 1)?;
         let (width, height) = (image.width, image.height);
-        EnvironmentLayout::of_size(width, height)
-            .and_then(|layout| Self::from_image(&image, layout))
-            .ok_or_else(|| {
+        EnvironmentLayout::of_size(width, height).and_then(|layout| Self::from_image(image, layout)).ok_or_else(
+            || {
                 Error::malformed(format!(
                     "'{}' has {width} x {height} texels, which is no environment; give a panorama (2:1), a cube's cross (4:3 \
-                     or 3:4), a strip of its faces (6:1 or 1:6) or, in a look with layout = \"mirror_ball\", a mirror ball (1:1)",
+                     or 3:4), a strip of its faces (6:1 or 1:6), a KTX2 or DDS file of a cube or, in a look with layout = \
+                     \"mirror_ball\", a mirror ball (1:1)",
                     path.display()
                 ))
                 .with_path(path)
-            })
+            },
+        )
     }
 
     /// As [`EnvironmentMap::load`], with the layout said.
@@ -323,17 +333,23 @@ impl EnvironmentMap {
 
 fn load_within_limit(path: &Path) -> Result<(&Path, Image)> {
     let image = Image::load(path)?;
-    let (width, height) = (image.width, image.height);
-    let texels = u64::from(width) * u64::from(height);
-    drop(reserve(format_args!("the environment '{}'", path.display()), texels.saturating_mul(MAKING_BYTES))?);
-    if texels > MAX_TEXELS {
-        let message = format!(
-            "'{}' has {width} x {height} texels, more than the {MAX_TEXELS} that an environment may have; scale it down",
-            path.display()
-        );
-        return Err(Error::too_large(message).with_path(path));
-    }
+    check_limit(path, &image, 1)?;
     Ok((path, image))
+}
+
+/// Whether an environment may have as many texels as so many images of this size.
+fn check_limit(path: &Path, Image { width, height, .. }: &Image, images: u64) -> Result<()> {
+    let texels = images * u64::from(*width) * u64::from(*height);
+    drop(reserve(format_args!("the environment '{}'", path.display()), texels.saturating_mul(MAKING_BYTES))?);
+    if texels <= MAX_TEXELS {
+        return Ok(());
+    }
+    let count = if images > 1 { format!("{images} x ") } else { String::new() };
+    let message = format!(
+        "'{}' has {count}{width} x {height} texels, more than the {MAX_TEXELS} that an environment may have; scale it down",
+        path.display()
+    );
+    Err(Error::too_large(message).with_path(path))
 }
 
 // ---- An environment as a texture of a material: reflection mapping as a colour, a picture around an object.

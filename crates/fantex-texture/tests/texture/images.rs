@@ -3,9 +3,12 @@
 use std::io::Cursor;
 use std::{fs, panic};
 
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image as ExrImage, WritableImage};
 use fantex_base::{ErrorKind, Result};
 use fantex_texture::compare::{FlipOptions, compare, compare_where, difference_picture, flip, psnr_db, ssim};
+use fantex_texture::environment::{CubeFace, EnvironmentMap};
 use fantex_texture::{AlphaUse, ColorSpace, Depth, Image, ImageLimits, Samples};
+use glam::Vec3;
 use proptest::prelude::*;
 
 use crate::common::{Random, assert_close, data_folder};
@@ -98,6 +101,57 @@ fn floats_become_srgb_bytes_in_png() {
         let texel = Image::load(&path).unwrap_or_else(|error| panic!("{error}")).linear_texel(1, 1);
         assert!(texel[..3].iter().all(|value| (value - 0.5).abs() < 0.01), "{name}: {texel:?}");
     }
+}
+
+/// An OpenEXR file of channels by name, 2 x 2 floats each.
+fn exr(channels: &[(&str, [f32; 4])]) -> Vec<u8> {
+    let channel =
+        |(name, values): &(&str, [f32; 4])| AnyChannel::new(*name, FlatSamples::F32(values.to_vec()));
+    let mut bytes = Cursor::new(Vec::new());
+    let image = ExrImage::from_channels((2, 2), AnyChannels::sort(channels.iter().map(channel).collect()));
+    image.write().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
+/// Heights, masks, depths and single layers of renderers are pictures, too.
+#[test]
+fn open_exr_files_need_not_have_red_green_and_blue() {
+    let [a, b, c, d] = [[0.1, 0.2, 0.3, 0.4], [1.0, 2.0, 3.0, 4.0], [5.0; 4], [0.5, 1.0, 0.25, 0.0]];
+    let decoded = |channels: &[(&str, [f32; 4])]| Image::decode(&exr(channels), "a.exr", ColorSpace::Srgb);
+    let layer = [("Z", a), ("V.R", a), ("V.G", b), ("V.B", c)];
+    for (channels, count, texels) in [
+        (&[("Z", b)][..], 1, vec![1.0, 2.0, 3.0, 4.0]),
+        (&[("Y", b), ("A", d), ("id", c)][..], 2, vec![2.0, 0.5, 2.0, 1.0, 12.0, 0.25, 4.0, 0.0]),
+        (&layer[..], 3, vec![0.1, 1.0, 5.0, 0.2, 2.0, 5.0, 0.3, 3.0, 5.0, 0.4, 4.0, 5.0]),
+    ] {
+        let image = decoded(channels).unwrap();
+        assert_eq!(
+            (image.width, image.height, image.channels, image.space),
+            (2, 2, count, ColorSpace::Linear)
+        );
+        assert_eq!(image.samples, Samples::F32(texels), "{channels:?}");
+    }
+    let two = [("V.R", a), ("V.G", b), ("V.B", c), ("W.R", a), ("W.G", b), ("W.B", c)];
+    for channels in [&[("U", a), ("V", b)][..], &[("Y", a), ("RY", b), ("BY", c)][..], &two[..]] {
+        let error = decoded(channels).unwrap_err().to_string();
+        assert!(error.contains("its channels are") && error.contains("give it R, G and B"), "{error}");
+    }
+}
+
+/// One infinite texel, or one that is no number, would spoil all coarser levels.
+#[test]
+fn numbers_of_images_are_finite() {
+    let sun = [f32::INFINITY, f32::NAN, f32::NEG_INFINITY, 2.0];
+    let finite = [65_504.0, 0.0, -65_504.0, 2.0];
+    let grey = Image::decode(&exr(&[("Y", sun)]), "a.exr", ColorSpace::Srgb).unwrap();
+    assert_eq!(grey.samples, Samples::F32(finite.to_vec()));
+    let color =
+        Image::decode(&exr(&[("R", sun), ("G", sun), ("B", sun)]), "a.exr", ColorSpace::Srgb).unwrap();
+    assert_eq!(color.samples, Samples::F32(finite.iter().flat_map(|&value| [value; 3]).collect()));
+    // Half floats: an infinite one, one that is none, 1 and 1.
+    let halves = [0x7c00_u16, 0x7e00, 0x3c00, 0x3c00].map(u16::to_le_bytes);
+    let image = &decode_all(&ktx2(97, [1, 1], 1, 0, halves.as_flattened())).unwrap()[0];
+    assert_eq!(image.samples, Samples::F32(vec![65_504.0, 0.0, 1.0, 1.0]));
 }
 
 #[test]
@@ -273,6 +327,34 @@ fn ktx2_files_are_read() {
         let error = decode_all(&bytes).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("'file'"), "{part}: {error}");
     }
+}
+
+/// Each face of a cube's file is seen in its own direction.
+#[test]
+fn files_of_cubes_are_environments() {
+    let folder = tempfile::tempdir().unwrap();
+    let texels: Vec<u8> = (0..6 * 4).flat_map(|texel| [10 * (1 + texel / 4), 0, 0, 255]).collect();
+    // Six faces of 2 x 2, blue first in the second file.
+    let swapped: Vec<u8> = texels.as_chunks().0.iter().flat_map(|&[r, g, b, a]| [b, g, r, a]).collect();
+    for (name, bytes) in [
+        ("a.ktx2", ktx2(43, [2, 2], 6, 0, &texels)),
+        ("a.dds", dds([2, 2, 0, 1], MASKED_BGRA, 0xfe00, &swapped)),
+    ] {
+        let path = folder.path().join(name);
+        fs::write(&path, bytes).unwrap();
+        let map = EnvironmentMap::load(&path).unwrap();
+        for (face, byte) in CubeFace::ALL.into_iter().zip([10_u8, 20, 30, 40, 50, 60]) {
+            let seen = map.sample(face.forward(), [Vec3::ZERO; 2]);
+            let encoded = f32::from(byte) / 255.0;
+            let expected =
+                if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+            assert!((seen.x - expected).abs() < 1e-3 * expected, "{name} {face:?}: {seen}, not {expected}");
+        }
+    }
+    let path = folder.path().join("tall.ktx2");
+    fs::write(&path, ktx2(43, [2, 3], 6, 0, &[0; 144])).unwrap();
+    let error = EnvironmentMap::load(&path).unwrap_err().to_string();
+    assert!(error.contains("2 x 3 texels, which is no environment"), "{error}");
 }
 
 #[test]
