@@ -4,6 +4,7 @@
 import atexit
 import math
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -82,6 +83,10 @@ def default_folder():
     return documents if os.path.isdir(documents) else home
 
 
+def default_path(item):
+    return os.path.join(default_folder(), bpy.path.clean_name(item.name) + ".fan")
+
+
 def absolute(path):
     """A path that a user has given. Raises ``ValueError``."""
     if path.startswith("//") and not bpy.data.filepath:
@@ -89,9 +94,21 @@ def absolute(path):
     return path if "://" in path else os.path.abspath(bpy.path.abspath(path))
 
 
+def found(place, item):
+    """An asset of an object: where it was, or, if it is gone, beside the .blend file or as far below that as it was below a folder. Projects
+    are moved, and go to other machines."""
+    if "://" in place or os.path.exists(place):
+        return place
+    blend = item.library.filepath if item.library else bpy.data.filepath
+    parts = re.split(r"[\\/]", place) if blend else []
+    folder = os.path.dirname(os.path.abspath(bpy.path.abspath(blend)))
+    below = (os.path.join(folder, *parts[first:]) for first in range(1, len(parts)))
+    return next(filter(os.path.isfile, below), place)
+
+
 def owns(item, path):
     """Whether an asset is of this object alone. Copies of an object have its properties."""
-    return [other for other in bpy.data.objects if other.get(BAKED_KEY) == path] == [item]
+    return [other for other in bpy.data.objects if found(other.get(BAKED_KEY, ""), other) == path] == [item]
 
 
 class Cancelled(Exception):
@@ -190,27 +207,31 @@ class FANTEX_OT_bake(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return context.object is not None and context.object.type == "MESH"
+        cls.poll_message_set("Select an object with a surface: a mesh, a curve, a text or a metaball")
+        return context.object is not None and context.object.type in objects.TYPES
 
     def invoke(self, context, event):
-        if not self.filepath:
-            self.filepath = os.path.join(default_folder(), bpy.path.clean_name(context.object.name) + ".fan")
+        self.filepath = self.filepath or default_path(context.object)
         return context.window_manager.invoke_props_dialog(self)
 
     def start(self, context):
         item = context.object
-        path = absolute(self.filepath)
+        path = bpy.path.ensure_ext(absolute(self.filepath or default_path(item)), ".fan")
         overwrite = self.overwrite or owns(item, path)
         if os.path.exists(path) and not overwrite:
             raise ValueError(f"{path} exists and is not {item.name}'s: give another path, or tick Overwrite")
         if self.source == "MATERIALS":
             mesh, source = objects.full_mesh(context, item), fantex.own_materials()
         elif self.source == "LOOK":
+            if not self.look:
+                raise ValueError("no look is given; choose its file (.toml)")
             source = fantex.look(absolute(self.look))
             mesh = objects.full_mesh(context, item, with_colors=True)
         else:
             mesh = objects.plain_mesh(item, context.evaluated_depsgraph_get())
             source = fantex.vertex_colors() if self.source == "COLORS" else fantex.solid(self.solid)
+        for note in objects.left_out(item, context.evaluated_depsgraph_get(), self.source == "MATERIALS"):
+            self.report({"WARNING"}, note)
         # Angles are radians of single precision here.
         hard_edges = min(round(math.degrees(self.hard_angle), 4), 180) if self.cuts_hard_edges else None
         texels = self.million_texels * 1e6
@@ -274,7 +295,7 @@ class FANTEX_OT_bake(bpy.types.Operator):
         # The next bake may replace it, whether it can be shown or not.
         if original and original.is_editable:
             original[BAKED_KEY] = bake.asset.place
-        name = original.name if original else os.path.splitext(os.path.basename(self.filepath))[0]
+        name = original.name if original else os.path.splitext(os.path.basename(bake.asset.place))[0]
         try:
             item = show(bake.asset, f"{name} fans", True, context, original)
         except (OSError, ValueError, MemoryError, fantex.Error) as error:
@@ -306,8 +327,8 @@ class FANTEX_OT_import(bpy.types.Operator, ImportHelper):
     def execute(self, context):
         name = os.path.splitext(os.path.basename(self.filepath))[0]
         try:
-            item = show(fantex.open(self.filepath), name, self.y_up, context)
-        except (OSError, MemoryError, fantex.Error) as error:
+            item = show(fantex.open(absolute(self.filepath)), name, self.y_up, context)
+        except (OSError, ValueError, MemoryError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         for other in context.selected_objects:
@@ -316,8 +337,19 @@ class FANTEX_OT_import(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
+def shows_fans(operator, context):
+    """Whether the active object shows an asset. Says so where the operator is asked for."""
+    operator.poll_message_set("Select an object that shows an asset")
+    return is_fans(context)
+
+
 def is_fans(context):
     return context.object is not None and fans.ASSET_KEY in context.object
+
+
+def asset_of(item):
+    """Where the asset is that an object shows."""
+    return found(item[fans.ASSET_KEY], item)
 
 
 def is_edited(item):
@@ -328,7 +360,7 @@ def is_edited(item):
 def reload(item, context):
     if is_edited(item):
         raise ValueError(f"{item.name} is in Edit Mode; leave that first")
-    asset = fantex.open(item[fans.ASSET_KEY])
+    asset = fantex.open(asset_of(item))
     fans.rebuild(item, asset, fans_of(asset, context), bool(item.get(fans.Y_UP_KEY, False)))
 
 
@@ -341,7 +373,7 @@ class FANTEX_OT_reload(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_fans(context)
+        return shows_fans(cls, context)
 
     def execute(self, context):
         try:
@@ -364,12 +396,12 @@ class FANTEX_OT_export(bpy.types.Operator, ExportHelper):
 
     @classmethod
     def poll(cls, context):
-        return is_fans(context)
+        return shows_fans(cls, context)
 
     def execute(self, context):
         try:
-            asset = fantex.open(context.object[fans.ASSET_KEY])
-            asset.export(self.filepath, resolution=self.resolution, overwrite=True)
+            path = absolute(self.filepath)
+            fantex.open(asset_of(context.object)).export(path, resolution=self.resolution, overwrite=True)
         except (OSError, ValueError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -384,7 +416,7 @@ class FANTEX_OT_paint(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_fans(context)
+        return shows_fans(cls, context)
 
     def execute(self, context):
         preferences = settings(context)
@@ -396,7 +428,7 @@ class FANTEX_OT_paint(bpy.types.Operator):
         # In a file, which never fills up as a pipe does.
         said = tempfile.TemporaryFile()
         try:
-            painter = subprocess.Popen([bpy.path.abspath(program), "paint", item[fans.ASSET_KEY]], stderr=said)
+            painter = subprocess.Popen([bpy.path.abspath(program), "paint", asset_of(item)], stderr=said)
         except OSError as error:
             self.report({"ERROR"}, f"The program {program} does not start: {error}")
             return {"CANCELLED"}

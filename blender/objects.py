@@ -10,6 +10,75 @@ import fantex
 import numpy as np
 
 
+#: Types of objects that have a surface.
+TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+
+#: Types of nodes that Blender's glTF exporter reads, or looks through.
+TAKEN = set(
+    "OUTPUT_MATERIAL BSDF_PRINCIPLED EMISSION BACKGROUND MIX_SHADER BSDF_TRANSPARENT LIGHT_PATH TEX_IMAGE MAPPING UVMAP TEX_COORD "
+    "NORMAL_MAP SEPARATE_COLOR COMBINE_COLOR MATH RGB VALUE VERTEX_COLOR ATTRIBUTE AMBIENT_OCCLUSION NEW_GEOMETRY GROUP GROUP_INPUT "
+    "GROUP_OUTPUT REROUTE".split()
+)
+
+
+def sockets_behind(output):
+    """The sockets of nodes that a node depends on, also of those in groups."""
+    nodes, seen = [output], set()
+    while nodes:
+        for link in (link for socket in nodes.pop().inputs for link in socket.links if not link.is_muted):
+            socket, node = link.from_socket, link.from_node
+            if socket in seen or node.mute:
+                continue
+            seen.add(socket)
+            yield socket
+            nodes.append(node)
+            if node.type == "GROUP" and node.node_tree:
+                nodes += [inner for inner in node.node_tree.nodes if inner.type == "GROUP_OUTPUT"]
+
+
+def left_out_of(material):
+    """What of a material does not go to glTF, a sentence each."""
+    tree = material.node_tree
+    output = tree.get_output_node("ALL") if tree else None
+    names, images = {}, {}
+    for socket in sockets_behind(output) if output else ():
+        node = socket.node
+        is_mix = node.type in ("MIX", "MIX_RGB") and node.blend_type == "MULTIPLY"
+        if node.type not in TAKEN and not is_mix:
+            names[node.bl_label] = None
+        elif node.type == "TEX_COORD" and socket.name != "UV":
+            names[f"{socket.name} coordinates"] = None
+        elif node.type == "TEX_IMAGE" and node.image and node.image.size[0] == 0:
+            images[node.image.name] = None
+    if names:
+        yield f"{material.name} is not baked as it is seen: glTF has no place for {', '.join(names)}; bake that to an image first"
+    for image in images:
+        yield f"{material.name} is baked without {image}: its file is missing or damaged"
+
+
+def makes_instances(item, depsgraph):
+    """Whether an object's modifiers, or its faces or vertices, show other objects. (Surfaces of curves are listed as instances, too.)"""
+    return item.type == "MESH" and any(
+        each.is_instance and each.parent is not None and each.parent.original == item for each in depsgraph.object_instances
+    )
+
+
+def left_out(item, depsgraph, by_materials):
+    """What of an object a bake does not show, a sentence each."""
+    if makes_instances(item, depsgraph):
+        yield f"{item.name} shows instances, which are not baked; a Realize Instances node makes them faces"
+    if by_materials:
+        for material in {slot.material: None for slot in item.material_slots if slot.material}:
+            yield from left_out_of(material)
+
+
+def check_faces(count, item, depsgraph):
+    """Raises ``ValueError`` where an object has no faces."""
+    if count == 0:
+        hint = ", only instances; a Realize Instances node makes them faces" if makes_instances(item, depsgraph) else ""
+        raise ValueError(f"{item.name} has no faces{hint}")
+
+
 def triangles(item, depsgraph):
     """Positions of the object's evaluated corners, triangles over them, and linear RGBA of its active colours or None."""
     evaluated = item.evaluated_get(depsgraph)
@@ -41,8 +110,7 @@ def y_up(vectors):
 def plain_mesh(item, depsgraph):
     """The object's triangles with its active colours, in its own space, y upwards."""
     positions, faces, colors = triangles(item, depsgraph)
-    if len(faces) == 0:
-        raise ValueError(f"{item.name} has no faces")
+    check_faces(len(faces), item, depsgraph)
     return fantex.Mesh(y_up(positions), faces, colors=colors)
 
 
@@ -68,8 +136,7 @@ def evaluated_copy(context, item):
     selected, active = list(objects.selected), objects.active
     copy = bpy.data.objects.new(item.name, mesh)
     try:
-        if len(mesh.polygons) == 0:
-            raise ValueError(f"{item.name} has no faces")
+        check_faces(len(mesh.polygons), item, context.evaluated_depsgraph_get())
         # Hidden collections do not hide the scene's own.
         context.scene.collection.objects.link(copy)
         for other in selected:
@@ -111,7 +178,9 @@ def full_mesh(context, item, with_colors=False):
 
     Colours multiply those of the material in glTF. They come along where the material uses them, or ``with_colors``.
     """
-    with tempfile.TemporaryDirectory() as folder, evaluated_copy(context, item):
+    with tempfile.TemporaryDirectory() as folder, evaluated_copy(context, item) as copy:
+        if not (with_colors or any(copy.data.materials)):
+            raise ValueError(f"{item.name} has no materials; give it one, or take another source")
         path = os.path.join(folder, "object.glb")
         write_gltf(
             path,

@@ -321,6 +321,18 @@ def test_mistakes_are_told(tmp_path, extension):
     bpy.ops.mesh.primitive_cube_add()
     with pytest.raises(RuntimeError, match="no vertex colours"):
         bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(tmp_path / "a.fan"), source="COLORS")
+    with pytest.raises(RuntimeError, match="^Error: Cube has no materials; give it one"):
+        bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(tmp_path / "a.fan"), source="MATERIALS")
+    with pytest.raises(RuntimeError, match="no look is given; choose its file"):
+        bpy.ops.fantex.bake("EXEC_DEFAULT", filepath=str(tmp_path / "a.fan"), source="LOOK")
+    with pytest.raises(RuntimeError, match="Select an object that shows an asset"):
+        bpy.ops.fantex.reload()
+    bpy.context.object["fantex_asset"] = str(tmp_path / "nowhere.fan")
+    for call in (bpy.ops.fantex.import_fan, bpy.ops.fantex.export_atlas):
+        with pytest.raises(RuntimeError, match="nowhere.fan"):
+            call(filepath=str(tmp_path / "nowhere.fan"))
+        with pytest.raises(RuntimeError, match="//a.(fan|glb) lies beside the .blend file: save that first"):
+            call(filepath="//a.glb")
     assert not (tmp_path / "a.fan").exists()
 
 

@@ -34,7 +34,7 @@ pub(crate) fn write_usda(
         let material = |primitive: &Primitive| mesh.materials.get(primitive.material);
         let mut materials = primitives.iter().map(|p| material(p).unwrap_or(&default_material));
         let is_double_sided = materials.any(|material| material.double_sided);
-        write_mesh(&mut out, geometry, primitives, &identifier(name, part), is_double_sided)?;
+        write_mesh(&mut out, geometry, primitives, (&identifier(name, part), name), is_double_sided)?;
     }
     writeln!(out, "    def Scope \"Materials\"\n    {{")?;
     for (material, sheet) in geometry.looks() {
@@ -95,6 +95,12 @@ fn plain(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
 
+/// The line of metadata with the name that the model has; none for none.
+fn display_name(name: &str) -> String {
+    let escaped = name.replace('\\', "\\\\").replace('"', "\\\"").replace(char::is_control, " ");
+    if name.is_empty() { String::new() } else { format!("        displayName = \"{escaped}\"\n") }
+}
+
 /// A name that USD allows, different for each part.
 fn identifier(name: &str, part: usize) -> String {
     let plain = plain(name);
@@ -106,7 +112,7 @@ fn write_mesh(
     out: &mut impl Write,
     geometry: &Geometry,
     primitives: &[Primitive],
-    name: &str,
+    (name, shown): (&str, &str),
     is_double_sided: bool,
 ) -> io::Result<()> {
     let start = primitives.first().map_or(0, |p| p.vertices.start);
@@ -117,16 +123,22 @@ fn write_mesh(
         primitive.triangles.as_flattened().iter().map(move |&v| first + v as usize)
     });
     let triple = |v: &Vec3| format!("({}, {}, {})", v.x, v.y, v.z);
+    let shown = display_name(shown);
     writeln!(
         out,
-        "    def Mesh \"{name}\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{"
+        "    def Mesh \"{name}\" (\n{shown}        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{"
     )?;
+    let positions = &geometry.positions[vertices.clone()];
+    let corner = |of: fn(Vec3, Vec3) -> Vec3| positions.iter().copied().reduce(of).unwrap_or_default();
+    let extent = [corner(Vec3::min), corner(Vec3::max)];
+    write_list(out, "        float3[] extent", extent.iter().map(triple))?;
+    writeln!(out)?;
     writeln!(out, "        uniform bool doubleSided = {}", u8::from(is_double_sided))?;
     writeln!(out, "        uniform token subdivisionScheme = \"none\"")?;
     writeln!(out, "        uniform token subsetFamily:materialBind:familyType = \"partition\"")?;
     write_list(out, "        int[] faceVertexCounts", (0..triangles).map(|_| 3))?;
     write_list(out, "\n        int[] faceVertexIndices", indices)?;
-    write_list(out, "\n        point3f[] points", geometry.positions[vertices.clone()].iter().map(triple))?;
+    write_list(out, "\n        point3f[] points", positions.iter().map(triple))?;
     let per_vertex = " (\n            interpolation = \"vertex\"\n        )";
     write_list(out, "\n        normal3f[] normals", geometry.normals[vertices.clone()].iter().map(triple))?;
     writeln!(out, "{per_vertex}")?;
@@ -180,7 +192,11 @@ fn write_material(
     color_space: &str,
 ) -> io::Result<()> {
     let place = format!("/Model/Materials/{name}");
-    writeln!(out, "        def Material \"{name}\"\n        {{")?;
+    let shown = match display_name(&material.name) {
+        line if line.is_empty() => line,
+        line => format!(" (\n    {line}        )"),
+    };
+    writeln!(out, "        def Material \"{name}\"{shown}\n        {{")?;
     writeln!(out, "            token outputs:mtlx:surface.connect = <{place}/surface.outputs:out>")?;
     for node in &graph.nodes {
         let output = format!("{} outputs:out", usd_type(node.kind));

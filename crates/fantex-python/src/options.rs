@@ -2,7 +2,7 @@
 
 use fantex::mesh::AlphaMode;
 use fantex::{ReadLimits, ReadOptions};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -23,7 +23,13 @@ pub(crate) fn word<T: Copy>(
     key: &str,
     choices: &[(&str, T)],
 ) -> PyResult<Option<T>> {
-    optional::<String>(options, key)?.map(|word| named(key, &word, choices)).transpose()
+    let Some(value) = options.get_item(key)?.filter(|value| !value.is_none()) else { return Ok(None) };
+    let word: String = value.extract().map_err(|_: PyErr| {
+        let kind =
+            value.get_type().name().map_or_else(|_| "another type".to_owned(), |name| name.to_string());
+        PyTypeError::new_err(format!("{key} is of type {kind}; expected one of {}", listed(choices)))
+    })?;
+    named(key, &word, choices).map(Some)
 }
 
 /// One of several words; the first where none is given.
@@ -33,10 +39,16 @@ pub(crate) fn choice<T: Copy>(options: &Bound<'_, PyDict>, key: &str, choices: &
 
 /// What a word stands for; `key` is what has it.
 pub(crate) fn named<T: Copy>(key: &str, word: &str, choices: &[(&str, T)]) -> PyResult<T> {
-    choices.iter().find(|(name, _)| *name == word).map(|(_, value)| *value).ok_or_else(|| {
-        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
-        PyValueError::new_err(format!("{key} {word:?} is none of {}", names.join(", ")))
-    })
+    choices
+        .iter()
+        .find(|(name, _)| *name == word)
+        .map(|(_, value)| *value)
+        .ok_or_else(|| PyValueError::new_err(format!("{key} {word:?} is none of {}", listed(choices))))
+}
+
+fn listed<T>(choices: &[(&str, T)]) -> String {
+    let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+    names.join(", ")
 }
 
 /// What materials make of opacity, by the words for it.

@@ -12,7 +12,7 @@ use fantex::addresses::is_address;
 use fantex::{ErrorKind, Progress};
 use pyo3::exceptions::{
     PyException, PyFileExistsError, PyFileNotFoundError, PyKeyboardInterrupt, PyOSError, PyPermissionError,
-    PyRuntimeError, PyValueError,
+    PyRuntimeError, PyTypeError, PyValueError,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -246,7 +246,7 @@ pub(crate) fn heard<'a, 'py>(
 /// Calls `progress(done, total)`, or `progress(done, total, step=step)` where it has such a parameter.
 #[pyfunction]
 pub(crate) fn tell(progress: &Bound<'_, PyAny>, done: u64, total: u64, step: &str) -> PyResult<()> {
-    Teller::of(progress).tell(done, total, step)
+    Teller::of(progress)?.tell(done, total, step)
 }
 
 /// A function that hears of progress.
@@ -256,13 +256,18 @@ struct Teller<'a, 'py> {
 }
 
 impl<'a, 'py> Teller<'a, 'py> {
-    fn of(progress: &'a Bound<'py, PyAny>) -> Self {
+    fn of(progress: &'a Bound<'py, PyAny>) -> PyResult<Self> {
+        if !progress.is_callable() {
+            let kind = progress.get_type().name()?;
+            let sentence = format!("progress is of type {kind}; expected a function of done and total");
+            return Err(PyTypeError::new_err(sentence));
+        }
         let has_parameter = || {
             let signature = progress.py().import("inspect")?.call_method1("signature", (progress,))?;
             signature.getattr("parameters")?.contains("step")
         };
         // Some that are not written in Python have no signature.
-        Self { progress, hears_steps: has_parameter().unwrap_or(false) }
+        Ok(Self { progress, hears_steps: has_parameter().unwrap_or(false) })
     }
 
     fn tell(&self, done: u64, total: u64, step: &str) -> PyResult<()> {
@@ -331,7 +336,7 @@ pub(crate) fn watched<T: Send>(
     work: impl FnOnce(&Watch) -> fantex::Result<T> + Send,
 ) -> PyResult<T> {
     let watch = Watch { word: progress.map_or("", |(_, word)| word), ..Watch::default() };
-    let teller = progress.map(|(progress, _)| Teller::of(progress));
+    let teller = progress.map(|(progress, _)| Teller::of(progress)).transpose()?;
     let caller = thread::current();
     // A thread has not ended yet when it wakes its caller.
     let is_done = AtomicBool::new(false);

@@ -196,8 +196,11 @@ def test_usd_is_valid(tmp_path, bottle_asset):
     for name in ("st", "st1", "st2", "st3"):
         primvar = api.GetPrimvar(name)
         assert primvar.GetInterpolation() == "vertex" and len(primvar.Get()) == points
+    extent = UsdGeom.Mesh.ComputeExtent(mesh.GetPointsAttr().Get())
+    np.testing.assert_allclose(mesh.GetExtentAttr().Get(), extent, rtol=1e-6)
     subset = UsdGeom.Subset.GetAllGeomSubsets(mesh)[0]
     material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+    assert material.GetPrim().GetDisplayName() == bottle_asset.materials[0].name != ""
     surface_shader = material.ComputeSurfaceSource("mtlx")[0]
     assert surface_shader.GetIdAttr().Get() == "ND_standard_surface_surfaceshader"
     # Every connection leads somewhere.

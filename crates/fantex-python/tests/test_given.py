@@ -34,6 +34,10 @@ def test_whole_numbers(tmp_path, sphere, waves):
         (lambda: waves.render((6, 4), samples=2.5), "samples is 2.5; expected a whole number"),
         (lambda: waves.render((6, 4), light=(1, 2)), "light has 2 numbers; expected three"),
         (lambda: waves.render((6, 4), fantex.Camera((1, 2))), "the camera's eye has 2 numbers; expected three"),
+        (lambda: waves.render((6, 4), light=(0, 0, 0)), "light is .0.0, 0.0, 0.0.; expected a direction"),
+        (lambda: waves.sample(face=[0, 1], barycentric=[[1, 0, 0], [2, 2, 2]]), "barycentric has .2.0, 2.0, 2.0. in row 1; exp"),
+        (lambda: waves.export_channels({}), "paths has no channel"),
+        (lambda: waves.paint([{"samples": [float("nan")]}]), "strokes hold a number that is not finite"),
         (lambda: fantex.parametrize(*sphere, padding=-2), "padding is -2; it cannot be negative"),
     ]:
         with pytest.raises(ValueError, match=sentence):
@@ -43,6 +47,17 @@ def test_whole_numbers(tmp_path, sphere, waves):
         (lambda: waves.render(64), "size is 64; expected two whole numbers"),
         (lambda: waves.render((6, 4), "front"), "camera is of type str; expected a fantex.Camera"),
         (lambda: waves.render((6, 4), light="sun"), "light is 'sun'; expected three numbers"),
+        (lambda: waves.render((6, 4), light=(0, 1, "up")), "light is .0, 1, 'up'.; expected three numbers"),
+        (lambda: waves.render((6, 4), environment="sky", environment_strength=[1]), "environment_strength is of type list"),
+        (lambda: waves.render((6, 4), filter=3), "filter is of type int; expected one of nearest, bilinear"),
+        (lambda: fantex.Camera((1, 2, 3), fov="wide"), "the camera's fov is of type str; expected a number"),
+        (lambda: fantex.bake(mesh, tmp_path / "a.fan", density=[3]), "density is of type list; expected a number"),
+        (lambda: fantex.bake(mesh, tmp_path / "a.fan", source="marble"), r"not str; fantex.solid\('marble'\) is a solid"),
+        (lambda: fantex.image(np.zeros((4, 4, 3), np.uint8)), "path is of type ndarray; expected that of a picture's file"),
+        (lambda: fantex.image("bark.png", 5), "mapping is of type int; expected a text"),
+        (lambda: waves.sample([0, 0, 1], channel=None), "channel is of type NoneType; expected a text"),
+        (lambda: waves.paint(add_channels=5), "add_channels is of type int; expected a text or several"),
+        (lambda: waves.atlas(64, progress=5), "progress is of type int; expected a function of done and total"),
     ]:
         with pytest.raises(TypeError, match=sentence):
             call()

@@ -127,6 +127,8 @@ fn files_keep_parts_and_materials() {
     assert!(
         text.contains("def Mesh \"Surface_0_left\"") && text.contains("def Mesh \"Surface_1_right____\"")
     );
+    assert!(text.contains("displayName = \"left\"") && text.contains("displayName = \"lamp\""));
+    assert_eq!(text.matches("float3[] extent = [(").count(), 2);
     assert!(
         text.contains("\"ND_convert_float_color3\"")
             // The lamp is unlit: it shows its colour.

@@ -182,7 +182,8 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Which triangles to turn, and what could not be decided.
 pub(super) struct Turning {
     pub(super) turn: Vec<bool>,
-    /// Patches that have no consistent orientation (they contain a Moebius strip); their seam stays.
+    /// Patches that have no consistent orientation (they contain a Moebius strip); their seam stays, as the model has it unless turning
+    /// makes it shorter.
     pub(super) non_orientable: u64,
 }
 
@@ -214,6 +215,13 @@ pub(super) fn decide(
         let is_orientable =
             flood(seed as u32, triangles, &neighbours, &mut visited, &mut turning.turn, &mut patch);
         turning.non_orientable += u64::from(!is_orientable);
+        if !is_orientable {
+            let seam = |turn: Option<&[bool]>| inconsistent_sides(triangles, &neighbours, &patch, turn);
+            if seam(None) <= seam(Some(&turning.turn)) {
+                patch.iter().for_each(|&t| turning.turn[t as usize] = false);
+                continue;
+            }
+        }
         let turn = &turning.turn;
         let turned = patch.iter().filter(|&&t| turn[t as usize]).count();
         let has_outside =
@@ -298,6 +306,22 @@ pub(super) fn flood(
         }
     }
     is_orientable
+}
+
+/// Of how many sides of a patch's triangles the other triangle runs along them in the same direction, after those flagged, if any, have turned.
+fn inconsistent_sides(
+    triangles: &[[u32; 3]],
+    neighbours: &[[u32; 3]],
+    patch: &[u32],
+    turn: Option<&[bool]>,
+) -> usize {
+    let origin = |half_edge: u32| triangles[half_edge as usize / 3][half_edge as usize % 3];
+    let is_turned = |t: u32| turn.is_some_and(|turn| turn[t as usize]);
+    let is_inconsistent = |t: u32, k: usize| match neighbours[t as usize][k] {
+        NONE => false,
+        h => (origin(h) == triangles[t as usize][k]) ^ is_turned(t) ^ is_turned(h / 3),
+    };
+    patch.iter().map(|&t| (0..3).filter(|&k| is_inconsistent(t, k)).count()).sum()
 }
 
 /// Six times the volume enclosed by a closed patch, relative to a point on it.

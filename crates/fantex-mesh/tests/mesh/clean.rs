@@ -134,6 +134,13 @@ fn one_sided_surfaces_keep_a_seam_and_are_reported() {
     assert_eq!(moebius.non_orientable_components, 1);
     assert_eq!(moebius.topology.edges_inconsistent, 1);
     assert_eq!(moebius.topology.euler_characteristic(), 0);
+    // To move the seam elsewhere is no gain.
+    assert_eq!(moebius.triangles_flipped, 0);
+    let mut mixed = strip(12, 1);
+    mixed.triangles.iter_mut().step_by(3).for_each(|triangle| triangle.swap(1, 2));
+    let (_, mixed) = cleaned(mixed);
+    assert!(mixed.triangles_flipped > 0);
+    assert_eq!((mixed.non_orientable_components, mixed.topology.edges_inconsistent), (1, 1));
     let (_, twisted_twice) = cleaned(strip(12, 2));
     assert_eq!((twisted_twice.non_orientable_components, twisted_twice.topology.edges_inconsistent), (0, 0));
 }

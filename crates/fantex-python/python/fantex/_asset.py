@@ -12,7 +12,7 @@ from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Opt
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, absolute, amount, failed, is_address, names, plain, whole
+from ._given import PATHS, Path, absolute, amount, failed, is_address, names, plain, text, whole
 from ._mesh import Mesh, Progress, _array, _bounds
 from ._picture import Camera, Picture, _srgb8, _taken, _view, _warn
 
@@ -223,7 +223,7 @@ class Asset:
         Args:
             points: ``(n, 3)`` or ``(3,)`` positions; the value at the nearest point of the surface is taken.
             channel: one of :attr:`channels`.
-            face: ``(n,)`` faces, with ``barycentric`` ``(n, 3)``, instead of points.
+            face: ``(n,)`` faces, with ``barycentric`` ``(n, 3)``, each of sum one, instead of points.
             footprint: width of the square that a sample stands for, world units: a number or ``(n,)``. Without it the finest
                 texels are interpolated.
             srgb: give colours as ``uint8`` in sRGB.
@@ -237,7 +237,7 @@ class Asset:
             KeyError: the asset has no such channel.
             IndexError: it has no such face.
         """
-        is_single = False
+        is_single, channel = False, text(channel, "channel")
         if points is not None:
             if face is not None or barycentric is not None:
                 raise ValueError("give points, or face and barycentric, not both")
@@ -395,6 +395,8 @@ class Asset:
         options = _atlas_options(resolution, largest_side, padding, uv, overwrite, memory)
         if not isinstance(paths, Mapping):
             raise TypeError(f"paths is of type {type(paths).__name__}; expected a dictionary with a file for each channel")
+        if not paths:
+            raise ValueError("paths has no channel; give a file for each that is to be written")
         channels = [(name, os.fsdecode(path)) for name, path in paths.items()]
         if len({absolute(path) for _, path in channels}) < len(channels):
             raise ValueError("two channels have the same file; give each its own")
@@ -568,8 +570,8 @@ class Asset:
         """
         options = {
             "history": history,
-            "add_channels": names(add_channels),
-            "remove_channels": names(remove_channels),
+            "add_channels": names(add_channels, "add_channels"),
+            "remove_channels": names(remove_channels, "remove_channels"),
             "alpha": alpha,
             "memory": self._memory,
         }
@@ -593,8 +595,12 @@ class Asset:
 
             with tempfile.TemporaryDirectory() as folder:
                 path = os.path.join(folder, "strokes.json")
+                try:
+                    written = json.dumps(strokes, default=_json, allow_nan=False)
+                except ValueError as error:
+                    raise ValueError(f"strokes hold a number that is not finite, or themselves: {error}") from None
                 with io.open(path, "w", encoding="utf-8") as file:
-                    json.dump(strokes, file, default=_json)
+                    file.write(written)
                 try:
                     with self._changing() as place:
                         painted = _native.paint(place, (path, os.getcwd()), None, options)
@@ -659,6 +665,10 @@ def _on_surface(face: Any, barycentric: Any) -> Tuple[np.ndarray, np.ndarray, np
         if is_nowhere.any():
             face, barycentric = face.copy(), barycentric.copy()
             face[is_nowhere], barycentric[is_nowhere] = 0, (1, 0, 0)
+        # Half precision is close enough.
+        wrong = np.flatnonzero(np.abs(barycentric.sum(axis=1) - 1) > 0.01)
+        if len(wrong):
+            raise ValueError(f"barycentric has {barycentric[wrong[0]].tolist()} in row {wrong[0]}; expected three numbers of sum one")
     return face, barycentric, is_nowhere, is_single
 
 
@@ -698,7 +708,7 @@ def _fan_options(
         "gutter": whole(gutter, "gutter"),
         "largest_side": whole(largest_side, "largest_side"),
         "textures": textures,
-        "shaders": names(shaders),
+        "shaders": names(shaders, "shaders"),
         "overwrite": overwrite,
         "memory": amount(memory, "memory"),
     }

@@ -9,7 +9,7 @@ from typing import Any, Dict, Optional, Tuple, Union
 from . import _native
 from ._asset import Asset, _atlas_options
 from ._function import Function, FunctionSource
-from ._given import PATHS, Path, absolute, amount, length, number, vector, whole
+from ._given import PATHS, Path, absolute, amount, length, number, text, vector, whole
 from ._mesh import Mesh, Progress
 
 
@@ -57,12 +57,14 @@ def vertex_colors() -> Source:
 
 def solid(name: str) -> Source:
     """A recipe that is defined everywhere in space, one of :data:`SOLIDS`: ``"marble"``, ``"wood"`` ..."""
-    return Source("solid", name=name)
+    return Source("solid", name=text(name, "name"))
 
 
 def image(path: Path, mapping: str = "triplanar") -> Source:
     """An image laid over the mesh: ``planar``, ``box``, ``cylinder``, ``sphere`` or ``triplanar``."""
-    return Source("image", path=os.fsdecode(path), mapping=mapping)
+    if not isinstance(path, PATHS):
+        raise TypeError(f"path is of type {type(path).__name__}; expected that of a picture's file, such as Picture.save writes")
+    return Source("image", path=os.fsdecode(path), mapping=text(mapping, "mapping"))
 
 
 def mesh(other: Any, *, cage: Optional[float] = None) -> Source:
@@ -315,7 +317,8 @@ def _parts(source: Union[Source, Function, None], options: Dict[str, Any]) -> An
         return source._name, parts
     if callable(source):
         return FunctionSource(source)
-    raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}")
+    hint = f"; fantex.solid({source!r}) is a solid" if isinstance(source, str) and source in _native.SOLIDS else ""
+    raise TypeError(f"a source is one of fantex's or a function, not {type(source).__name__}{hint}")
 
 
 def _with_notes(figures: Dict[str, Any], parts: Any, keeps_all: bool = False) -> Dict[str, Any]:

@@ -72,9 +72,21 @@ def whole(value: Any, name: str, most: int = (1 << 32) - 1) -> int:
 
 def number(value: Any, name: str) -> float:
     """A number of whatever type, as Python's own."""
-    if isinstance(value, (str, bytes, bytearray)):
-        raise TypeError(f"{name} is of type {type(value).__name__}; expected a number")
-    return float(value)
+    try:
+        if not isinstance(value, (str, bytes, bytearray)):
+            return float(value)
+    except TypeError:
+        pass
+    except OverflowError:
+        raise ValueError(f"{name} is larger than any number of double precision") from None
+    raise TypeError(f"{name} is of type {type(value).__name__}; expected a number")
+
+
+def text(value: Any, name: str) -> str:
+    """A word."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is of type {type(value).__name__}; expected a text")
+    return value
 
 
 def length(value: Any, name: str) -> Optional[float]:
@@ -107,15 +119,20 @@ def vector(numbers: Any, name: str) -> List[float]:
     """Three numbers."""
     if isinstance(numbers, (str, bytes)) or not isinstance(numbers, Iterable):
         raise TypeError(f"{name} is {numbers!r}; expected three numbers")
-    numbers = [*map(float, numbers)]
+    numbers = list(numbers)
     if len(numbers) != 3:
         raise ValueError(f"{name} has {len(numbers)} numbers; expected three")
-    return numbers
+    try:
+        return [number(each, name) for each in numbers]
+    except TypeError:
+        raise TypeError(f"{name} is {numbers}; expected three numbers") from None
 
 
-def names(given: Union[str, Iterable[str]]) -> Sequence[str]:
+def names(given: Union[str, Iterable[str]], name: str) -> Sequence[str]:
     """Several names, or one."""
-    return [given] if isinstance(given, str) else list(given)
+    if not isinstance(given, Iterable):
+        raise TypeError(f"{name} is of type {type(given).__name__}; expected a text or several")
+    return [given] if isinstance(given, str) else [text(each, name) for each in given]
 
 
 def plain(values: Any) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import warnings
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 import numpy as np
 
 from . import _native
-from ._given import PATHS, Path, plain, size as _size, vector, whole
+from ._given import PATHS, Path, number, plain, size as _size, vector, whole
 
 
 class Picture(np.ndarray):
@@ -49,7 +50,7 @@ class Camera:
         # Arrays, too, as tuples of numbers, which can be compared.
         for part in ("eye", "target", "up"):
             object.__setattr__(self, part, tuple(vector(getattr(self, part), f"the camera's {part}")))
-        object.__setattr__(self, "fov", float(self.fov))
+        object.__setattr__(self, "fov", number(self.fov, "the camera's fov"))
 
 
 def _view(
@@ -72,15 +73,19 @@ def _view(
         if not isinstance(camera, Camera):
             raise TypeError(f"camera is of type {type(camera).__name__}; expected a fantex.Camera")
         view = ([*camera.eye], [*camera.target], [*camera.up], camera.fov)
+    if light is not None:
+        light = vector(light, "light")
+        if not (any(light) and all(map(math.isfinite, light))):
+            raise ValueError(f"light is {light}; expected a direction, finite numbers of which one at least is not 0")
     return {
         "size": None if size is None else _size(size, "size"),
         "camera": view,
         "samples": None if samples is None else whole(samples, "samples"),
         "filter": filter,
-        "light": None if light is None else vector(light, "light"),
+        "light": light,
         "environment": None if environment is None else os.fsdecode(environment),
-        "environment_strength": environment_strength,
-        "environment_rotation": environment_rotation,
+        "environment_strength": number(environment_strength, "environment_strength"),
+        "environment_rotation": number(environment_rotation, "environment_rotation"),
         "transparent": bool(transparent),
     }
 

@@ -106,7 +106,8 @@ impl Asset {
             let known = removed.len();
             removed.extend((0..channels.len()).filter(|&index| channels[index].kind == kind));
             if removed.len() == known {
-                return Err(Error::not_found(sentence(kind, "it has none")).with_path(path));
+                // The file is there: an error with its path would be one of a missing file.
+                return Err(Error::not_found(sentence(kind, "it has none")));
             }
         }
         removed.sort_unstable();
