@@ -312,7 +312,7 @@ pub(crate) fn is_look(path: &Path) -> bool {
 #[derive(Args, Debug)]
 pub(crate) struct SurroundingsArgs {
     /// Light and background from a picture of the surroundings (.hdr .exr .png ...): a panorama (2:1), a cube's cross (4:3
-    /// or 3:4) or a strip of its faces (6:1, 1:6); or "sky" for a computed one with the sun at --light
+    /// or 3:4), a strip of its faces (6:1, 1:6), a KTX2 or DDS file of a cube; or "sky" for a computed one with the sun at --light
     #[arg(long, value_name = "FILE|sky")]
     environment: Option<PathBuf>,
     /// Degrees by which the environment is turned to the left

@@ -11,6 +11,7 @@
 
 use std::cell::Cell;
 
+use fantex_base::bits;
 use fantex_mesh::{SurfacePoint, interpolate};
 use fantex_texture::filter::{ColorSums, GridLookUps, GridPlaces};
 use glam::{Vec2, Vec4};
@@ -174,10 +175,7 @@ impl Batch {
                 }
                 look_ups.locate(places);
                 for (channel, sums) in sums.iter_mut().enumerate() {
-                    let mut missed = look_ups.add(places, |page| pages.grid(page, channel), sums);
-                    while missed != 0 {
-                        let index = missed.trailing_zeros() as usize;
-                        missed &= missed - 1;
+                    for index in bits(look_ups.add(places, |page| pages.grid(page, channel), sums)) {
                         let color = pages.bilinear(places.grid[index], channel, levels.probe_uv(index));
                         sums.add(index, color.map(|number| number * places.share[index]));
                     }

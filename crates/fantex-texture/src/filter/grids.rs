@@ -4,7 +4,7 @@
 //! another path at its edges, and are worked out once for grids of equal extent that hold different things. What is looked up is
 //! weighted and added to sums, as several look-ups make a value.
 
-use fantex_base::vector_level;
+use fantex_base::{bits, vector_level};
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
 
@@ -244,12 +244,9 @@ impl Texel for [u16; 2] {
 impl GridPlaces {
     /// The shares, but none of some places (a bit each).
     #[inline]
-    fn without(&self, mut places: u64) -> [f32; GRID_LOOK_UPS] {
+    fn without(&self, places: u64) -> [f32; GRID_LOOK_UPS] {
         let mut share = self.share;
-        while places != 0 {
-            share[places.trailing_zeros() as usize] = 0.0;
-            places &= places - 1;
-        }
+        bits(places).for_each(|index| share[index] = 0.0);
         share
     }
 }

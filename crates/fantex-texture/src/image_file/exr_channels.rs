@@ -21,13 +21,13 @@ pub(super) fn decode(
     label: &str,
     limits: ImageLimits,
 ) -> Result<Option<Image>> {
-    let is_picture = |header: &Header| !header.deep && matches!(names(header), Chosen::Plain);
+    let is_picture = |header: &Header| !header.deep && matches!(chosen(header), Chosen::Plain);
     let [header, ..] = headers else { return Ok(None) };
     if header.deep || headers.iter().any(is_picture) {
         return Ok(None);
     }
     let refused = |cause: String| not_readable(label, ImageFormat::OpenExr, &cause);
-    let channels = match names(header) {
+    let channels = match chosen(header) {
         Chosen::These(channels) => channels,
         Chosen::Plain | Chosen::None => {
             let list = header.channels.list.iter().map(|c| c.name.to_string()).collect::<Vec<_>>().join(", ");
@@ -74,7 +74,7 @@ enum Chosen {
     None,
 }
 
-fn names(header: &Header) -> Chosen {
+fn chosen(header: &Header) -> Chosen {
     let names: Vec<String> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
     let place = |name: &str| names.iter().position(|other| other == name);
     if ["R", "G", "B"].iter().all(|name| place(name).is_some()) {

@@ -17,7 +17,7 @@ pub(super) const MAX_OCTAVES: usize = 16;
 /// Points that are brought from `x y z x y z` to `x x y y z z` at a time.
 pub(super) const BLOCK: usize = 64;
 
-/// The same, but not wider than eight lanes: few octaves would leave more of them empty.
+/// The processor's vectors, but not wider than eight lanes: few octaves would leave more of them empty.
 fn level_of_eight_lanes() -> Level {
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = vector_level().as_avx2() {

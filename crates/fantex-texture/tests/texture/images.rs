@@ -130,6 +130,11 @@ fn open_exr_files_need_not_have_red_green_and_blue() {
             (2, 2, count, ColorSpace::Linear)
         );
         assert_eq!(image.samples, Samples::F32(texels), "{channels:?}");
+        let whole = exr(channels);
+        for end in (0..whole.len()).step_by(5) {
+            let error = Image::decode(&whole[..end], "a.exr", ColorSpace::Srgb).unwrap_err().to_string();
+            assert!(error.contains("a.exr"), "{end} bytes: {error}");
+        }
     }
     let two = [("V.R", a), ("V.G", b), ("V.B", c), ("W.R", a), ("W.G", b), ("W.B", c)];
     for channels in [&[("U", a), ("V", b)][..], &[("Y", a), ("RY", b), ("BY", c)][..], &two[..]] {
