@@ -14,8 +14,8 @@ use crate::gpu::SAMPLED;
 /// Most texels along a face; sharper maps are reduced.
 const MAX_SIDE: u32 = 1024;
 
-/// Texels along a face of the first blurred level, and of all others. The CPU renderer's have 256, 64 and fewer.
-const FIRST_SIDE: u32 = 256;
+/// Texels along a face of the first blurred level, and of all others. The CPU renderer's have 128, 64 and fewer.
+const FIRST_SIDE: u32 = 128;
 const ROUGH_SIDE: u32 = 64;
 
 /// Nodes of the split sum's table along each axis, as in `shading.wgsl`.

@@ -359,12 +359,18 @@ impl EnvironmentMap {
 
     /// The same light as a cube: itself where it is one, else with sides that resolve about as much.
     pub fn to_cube(&self) -> Self {
+        self.converted(EnvironmentForm::Cube, self.side_as_cube())
+    }
+
+    /// Texels along a face of a cube that resolves about as much.
+    pub(super) fn side_as_cube(&self) -> u32 {
         let [width, height] = self.chart_size();
-        match self.form() {
-            EnvironmentForm::Cube => self.clone(),
-            EnvironmentForm::Sphere => self.converted(EnvironmentForm::Cube, (width / 4).max(1)),
-            EnvironmentForm::DualParaboloid => self.converted(EnvironmentForm::Cube, (height / 2).max(1)),
-            EnvironmentForm::MirrorBall => self.converted(EnvironmentForm::Cube, (height / 3).max(1)),
-        }
+        let side = match self.form() {
+            EnvironmentForm::Cube => width,
+            EnvironmentForm::Sphere => width / 4,
+            EnvironmentForm::DualParaboloid => height / 2,
+            EnvironmentForm::MirrorBall => height / 3,
+        };
+        side.max(1)
     }
 }

@@ -2,26 +2,21 @@
 //!
 //! Level `k` of [`PREFILTERED_LEVELS`] holds the environment as a GGX surface of perceptual roughness
 //! `k / PREFILTERED_LEVELS` reflects it when seen along its normal (B. Karis, "Real shading in Unreal Engine 4", 2013);
-//! level 0 is the environment itself. Narrow lobes are sampled: directions are drawn by the density of the facets, and each
-//! is looked up at the level whose texels have the solid angle that the sample stands for (J. Křivánek and M. Colbert,
-//! "Real-time shading with filtered importance sampling", 2008), so that a few dozen suffice. Wide lobes are summed over
-//! all texels of a coarse level, which is exact but for that level's resolution. Nothing is drawn at random: the result is
-//! the same on every run and any number of threads.
+//! level 0 is the environment itself. The result is the same on every run and any number of threads.
 //!
 //! Error against the sum over all texels (root mean square over 60 directions, relative to that of the values;
-//! `tests/texture/environments.rs`), where the lobe is sampled (roughness 1/8 and 1/4) and where it is summed: an overcast
-//! forest 1 % and 0.2 to 1 %; a beach with the sun in the sky, where it matters at which place in its texel the sun is,
-//! 10 to 15 % and 1 to 4 %.
+//! `tests/texture/environments.rs`): an overcast forest 0.2 to 0.7 %; a beach with the sun in the sky 0.5 to 3 %, where it matters at
+//! which place in its texel the sun is. The narrowest lobe is off most, by the interpolation between its texels.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 use std::fmt;
 use std::sync::Arc;
 
-use glam::{Mat3, Vec2, Vec3, Vec3A};
-use rayon::prelude::*;
+use glam::Vec3;
 
+use super::EnvironmentMap;
+use super::blur::LightTree;
 use super::level::Level;
-use super::{ChartPoint, EnvironmentForm, EnvironmentMap};
 
 /// Blurred levels beside the environment itself.
 pub const PREFILTERED_LEVELS: usize = 8;
@@ -47,12 +42,14 @@ impl fmt::Debug for PrefilteredEnvironment {
 impl PrefilteredEnvironment {
     /// Blurs a map of any form, on the current rayon pool.
     pub fn new(map: Arc<EnvironmentMap>) -> Self {
-        let cube = match map.form() {
-            EnvironmentForm::Cube => Arc::clone(&map),
-            _ => Arc::new(map.to_cube()),
+        let irradiance = IrradianceHarmonics::of_map(&map);
+        let largest = map.side_as_cube().max(MIN_SIDE);
+        let lights = LightTree::new(&map);
+        let blurred = |level: usize| {
+            let roughness = level as f32 / PREFILTERED_LEVELS as f32;
+            lights.reflected(side_of(level).min(largest), roughness * roughness)
         };
-        let irradiance = IrradianceHarmonics::of_map(&cube);
-        let rough = (1..=PREFILTERED_LEVELS).map(|level| blur(&cube, level)).collect();
+        let rough = (1..=PREFILTERED_LEVELS).map(blurred).collect();
         Self { map, rough, irradiance }
     }
 
@@ -113,175 +110,18 @@ fn with_footprint(roughness: f32, steps: [Vec3; 2]) -> f32 {
     if widened.is_finite() { widened.sqrt().sqrt().min(1.0) } else { roughness }
 }
 
-/// A direction of a lobe around `+z`.
-struct LobeSample {
-    direction: Vec3,
-    weight: f32,
-    /// The solid angle that it stands for, steradians.
-    steradians: f32,
-}
-
-struct Recipe {
-    side: u32,
-    /// Directions per texel; nothing where the lobe is so wide that all texels of a coarse level are summed.
-    directions: Option<u32>,
-}
-
-impl Recipe {
-    fn of(level: usize, base_side: u32) -> Self {
-        let (side, directions) = match level {
-            1 => (256, Some(48)),
-            2 => (64, Some(256)),
-            3 | 4 => (32, None),
-            _ => (MIN_SIDE, None),
-        };
-        Self { side: side.min(base_side.max(MIN_SIDE)), directions }
+/// Texels along a face of a level. Coarser grids would show in the interpolation.
+fn side_of(level: usize) -> u32 {
+    match level {
+        1 => 128,
+        2 => 64,
+        3 | 4 => 32,
+        _ => MIN_SIDE,
     }
 }
 
-/// Coarser grids would show in the interpolation.
+/// Texels along a face of the widest lobes' levels, and of all levels of the smallest maps.
 const MIN_SIDE: u32 = 16;
-
-/// Most texels along a face of the level that is summed.
-const SUMMED_SIDE: u32 = 32;
-
-/// Directions that a GGX surface of slope `alpha`, seen along its normal `+z`, mirrors to the eye, drawn by the density of
-/// its facets; weighted by the cosine (Karis 2013).
-fn lobe(alpha: f32, count: u32) -> Vec<LobeSample> {
-    let a2 = alpha * alpha;
-    let sample = |i: u32| {
-        let (e0, e1) = ((i as f32 + 0.5) / count as f32, i.reverse_bits() as f32 / 4_294_967_296.0);
-        let e1 = e1 + 0.5 / count as f32;
-        let cos2 = (1.0 - e1) / (1.0 + (a2 - 1.0) * e1);
-        let (cos, sin) = (cos2.sqrt(), (1.0 - cos2).max(0.0).sqrt());
-        let h = Vec3::new(sin * (TAU * e0).cos(), sin * (TAU * e0).sin(), cos);
-        let direction = h * (2.0 * cos) - Vec3::Z;
-        let d = cos2 * (a2 - 1.0) + 1.0;
-        // The facets' density times cosine, over four times the cosine to the eye, which is the same.
-        let density = a2 / (PI * d * d) / 4.0;
-        LobeSample { direction, weight: direction.z, steradians: 1.0 / (count as f32 * density) }
-    };
-    (0..count).map(sample).filter(|s| s.weight > 0.0).collect()
-}
-
-fn blur(cube: &EnvironmentMap, level: usize) -> Level {
-    let alpha = (level as f32 / PREFILTERED_LEVELS as f32).powi(2);
-    let recipe = Recipe::of(level, cube.chart_size()[0]);
-    match recipe.directions {
-        Some(count) => {
-            let plan = plan(cube, alpha, count);
-            for_texels(recipe.side, |normal| gather(cube, normal, &plan))
-        }
-        None => {
-            let lights = LightBundle::of_map(cube);
-            for_texels(recipe.side, |normal| sum_all(&lights, normal, alpha * alpha))
-        }
-    }
-}
-
-fn for_texels(side: u32, color: impl Fn(Vec3) -> Vec3A + Sync) -> Level {
-    let color = &color;
-    let inner: Vec<Vec3A> = (0..6 * side)
-        .into_par_iter()
-        .flat_map_iter(|row| {
-            let (chart, y) = ((row / side) as usize, row % side);
-            (0..side).map(move |x| {
-                let uv = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / side as f32;
-                color(EnvironmentForm::Cube.direction(ChartPoint { chart, uv }))
-            })
-        })
-        .collect();
-    Level::new(EnvironmentForm::Cube, [side; 2], &inner)
-}
-
-/// A lobe's direction with the level of the map to look it up in.
-struct PlannedSample {
-    direction: Vec3,
-    weight: f32,
-    level: usize,
-}
-
-fn plan(cube: &EnvironmentMap, alpha: f32, count: u32) -> Vec<PlannedSample> {
-    // Texels of a cube differ in size by a factor of five; the mean is good enough to choose a level.
-    let base_side = cube.chart_size()[0] as f32;
-    let texel = 4.0 * PI / (6.0 * base_side * base_side);
-    let samples = lobe(alpha, count);
-    let total: f32 = samples.iter().map(|s| s.weight).sum();
-    let planned = |s: &LobeSample| {
-        let level = (0.5 * (s.steradians / texel).log2()).max(0.0).round() as usize;
-        PlannedSample { direction: s.direction, weight: s.weight / total, level }
-    };
-    samples.iter().map(planned).collect()
-}
-
-fn gather(cube: &EnvironmentMap, normal: Vec3, plan: &[PlannedSample]) -> Vec3A {
-    let (x, y) = normal.any_orthonormal_pair();
-    let world_from_lobe = Mat3::from_cols(x, y, normal);
-    plan.iter().fold(Vec3A::ZERO, |sum, s| {
-        sum + cube.level(s.level).look_up(world_from_lobe * s.direction) * s.weight
-    })
-}
-
-/// Texels that are summed side by side.
-const LANES: usize = 8;
-
-#[derive(Clone, Copy)]
-struct LightBundle {
-    direction: [[f32; LANES]; 3],
-    steradians: [f32; LANES],
-    color: [[f32; LANES]; 3],
-}
-
-impl LightBundle {
-    /// All texels of the first level that is coarse enough.
-    fn of_map(cube: &EnvironmentMap) -> Vec<Self> {
-        let last = cube.level_count() - 1;
-        let index = (0..=last).find(|&l| cube.level_size(l)[0] <= SUMMED_SIDE).unwrap_or(last);
-        let level = cube.level(index);
-        let side = level.size[0] as i32;
-        let mut texels = Vec::with_capacity((6 * side * side) as usize);
-        for (chart, y, x) in
-            (0..6).flat_map(|c| (0..side).flat_map(move |y| (0..side).map(move |x| (c, y, x))))
-        {
-            let direction = level.form.direction(ChartPoint { chart, uv: level.texel_uv(x, y) });
-            let steradians = level.form.texel_steradians(level.size, x, y);
-            texels.push((direction, steradians, Vec3::from(level.texel(chart, x, y))));
-        }
-        let nothing =
-            Self { direction: [[0.0; LANES]; 3], steradians: [0.0; LANES], color: [[0.0; LANES]; 3] };
-        let bundle = |texels: &[(Vec3, f32, Vec3)]| {
-            let mut bundle = nothing;
-            for (lane, (direction, steradians, color)) in texels.iter().enumerate() {
-                (0..3).for_each(|axis| bundle.direction[axis][lane] = direction[axis]);
-                (0..3).for_each(|channel| bundle.color[channel][lane] = color[channel]);
-                bundle.steradians[lane] = *steradians;
-            }
-            bundle
-        };
-        texels.chunks(LANES).map(bundle).collect()
-    }
-}
-
-/// The mean of all light, weighted by the facets' density and the cosine; `a2` is the squared slope.
-fn sum_all(lights: &[LightBundle], normal: Vec3, a2: f32) -> Vec3A {
-    let mut sums = [[0.0; LANES]; 4];
-    for light in lights {
-        let [x, y, z] = &light.direction;
-        let mut weights = [0.0; LANES];
-        for lane in 0..LANES {
-            let cosine = x[lane] * normal.x + y[lane] * normal.y + z[lane] * normal.z;
-            // The half vector's squared cosine is (1 + cosine) / 2.
-            let d = (0.5 + 0.5 * cosine) * (a2 - 1.0) + 1.0;
-            weights[lane] = cosine.max(0.0) * light.steradians[lane] / (d * d);
-        }
-        for lane in 0..LANES {
-            (0..3).for_each(|channel| sums[channel][lane] += weights[lane] * light.color[channel][lane]);
-            sums[3][lane] += weights[lane];
-        }
-    }
-    let [r, g, b, weight] = sums.map(|lanes| lanes.iter().sum::<f32>());
-    Vec3A::new(r, g, b) / weight
-}
 
 // ---- Diffuse light of an environment as nine numbers per colour.
 //

@@ -15,6 +15,7 @@
 //! cube, lies in the direction `-z`, with `+x` to its right; so a camera that looks along `-z` sees every picture as it is
 //! in its file, not mirrored.
 
+mod blur;
 mod form;
 mod level;
 mod lighting;
