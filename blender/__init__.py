@@ -392,7 +392,13 @@ class FANTEX_OT_export(bpy.types.Operator, ExportHelper):
 
     filename_ext = ".glb"
     filter_glob: StringProperty(default="*.glb;*.gltf", options={"HIDDEN"})
-    resolution: IntProperty(name="Resolution", default=2048, min=16, max=32768)
+    resolution: IntProperty(
+        name="Resolution",
+        description="Columns and rows of the pictures: the next power of two is taken",
+        default=2048,
+        min=16,
+        max=32768,
+    )
 
     @classmethod
     def poll(cls, context):
@@ -401,7 +407,8 @@ class FANTEX_OT_export(bpy.types.Operator, ExportHelper):
     def execute(self, context):
         try:
             path = absolute(self.filepath)
-            fantex.open(asset_of(context.object)).export(path, resolution=self.resolution, overwrite=True)
+            resolution = 1 << (self.resolution - 1).bit_length()
+            fantex.open(asset_of(context.object)).export(path, resolution=resolution, overwrite=True)
         except (OSError, ValueError, fantex.Error) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -540,8 +540,10 @@ def test_models_stand_everywhere(tmp_path, extension, source):
     expected = box(item)
     shown = bake(tmp_path / "a.fan", source=source)
     np.testing.assert_allclose(box(shown), expected, atol=1e-5)
-    assert bpy.ops.fantex.export_atlas(filepath=str(tmp_path / "a.glb"), resolution=64) == {"FINISHED"}
+    assert bpy.ops.fantex.export_atlas(filepath=str(tmp_path / "a.glb"), resolution=50) == {"FINISHED"}
+    before = set(bpy.data.images)
     bpy.ops.import_scene.gltf(filepath=str(tmp_path / "a.glb"))
+    assert {tuple(image.size) for image in set(bpy.data.images) - before} == {(64, 64)}
     np.testing.assert_allclose(box(bpy.context.object), expected, atol=1e-5)
     bpy.ops.fantex.import_fan(filepath=str(tmp_path / "a.fan"))
     np.testing.assert_allclose(box(bpy.context.object), expected, atol=1e-5)
