@@ -92,6 +92,8 @@ impl Display {
             .current_dir(folder)
             .env("DISPLAY", format!(":{}", self.number))
             .env("HOME", folder)
+            // Software Vulkan compiles every shader once for all tests.
+            .env("MESA_SHADER_CACHE_DIR", concat!(env!("CARGO_TARGET_TMPDIR"), "/shaders"))
             .env("XDG_RUNTIME_DIR", folder)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("XDG_DATA_HOME");
