@@ -469,7 +469,7 @@ fn rough_by_brute_force(map: &EnvironmentMap, level: usize, normal: Vec3, roughn
 
 #[test]
 fn rough_levels_equal_brute_force() {
-    for (name, most) in [("forest.exr", 0.01), ("spiaggia_di_mondello_1k.hdr", 0.04)] {
+    for (name, most) in [("forest.exr", 0.02), ("spiaggia_di_mondello_1k.hdr", 0.04)] {
         let Some(image) = test_image(name) else { return };
         let map = Arc::new(EnvironmentMap::from_image(&image, EnvironmentLayout::Panorama).unwrap());
         let start = std::time::Instant::now();
