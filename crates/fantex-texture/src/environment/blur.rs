@@ -7,6 +7,7 @@
 
 use std::f32::consts::PI;
 
+use arrayvec::ArrayVec;
 use glam::{Vec2, Vec3, Vec3A};
 use rayon::prelude::*;
 
@@ -35,7 +36,7 @@ struct Lump {
 }
 
 impl Lump {
-    fn of_all<'a>(lumps: impl Iterator<Item = &'a Self>) -> Self {
+    fn of_all(lumps: &[Self]) -> Self {
         let mut sum = Self::default();
         for lump in lumps {
             sum.middle += lump.middle * lump.steradians;
@@ -77,19 +78,52 @@ impl Generation {
     /// Nodes with up to four of these as children each.
     fn parents(&self) -> Self {
         let [columns, rows] = self.size.map(|n| n.div_ceil(2));
-        let lump = |node| Lump::of_all(self.children(node, [columns, rows]).map(|child| &self.lumps[child]));
+        let lump = |node| {
+            let mut lumps = ArrayVec::<_, 4>::new();
+            self.for_children(node, [columns, rows], |child| lumps.push(self.lumps[child]));
+            Lump::of_all(&lumps)
+        };
         let lumps = (0..self.charts * columns * rows).into_par_iter().map(lump).collect();
         Self { charts: self.charts, size: [columns, rows], width: 2.0 * self.width, lumps }
     }
 
     /// Those below a node of the generation above, whose charts have `columns` and `rows`.
-    fn children(&self, node: usize, [columns, rows]: [usize; 2]) -> impl Iterator<Item = usize> + use<> {
+    #[inline]
+    fn for_children(&self, node: usize, [columns, rows]: [usize; 2], mut visit: impl FnMut(usize)) {
         let (chart, y, x) = (node / (columns * rows), node / columns % rows, node % columns);
-        let fine = self.size;
-        let span = move |at: usize, axis: usize| 2 * at..(2 * at + 2).min(fine[axis]);
-        span(y, 1).flat_map(move |y| span(x, 0).map(move |x| (chart * fine[1] + y) * fine[0] + x))
+        for y in 2 * y..(2 * y + 2).min(self.size[1]) {
+            for x in 2 * x..(2 * x + 2).min(self.size[0]) {
+                visit((chart * self.size[1] + y) * self.size[0] + x);
+            }
+        }
+    }
+
+    /// For which blocks of a radius these nodes are visited, and stand for all below them.
+    fn bounds(&self, radius: f32, alpha: f32) -> Bounds {
+        // Directions turn by twice the angle of the facets.
+        let distance = self.width / MAX_WIDTH - 2.0 * alpha;
+        let least = (distance > 0.0).then(|| distance + radius);
+        let whole = match least {
+            _ if self.width > MAX_RADIANS => f32::NEG_INFINITY,
+            Some(least) => 1.0 - 0.5 * least * least,
+            None => f32::INFINITY,
+        };
+        // Half a diagonal is less than three quarters of the width.
+        Bounds { horizon: -(radius + 0.75 * self.width), whole }
     }
 }
+
+/// Of a generation, cosines between a node's middle and a block's.
+#[derive(Clone, Copy)]
+struct Bounds {
+    /// Nodes below this are below the horizons of all normals.
+    horizon: f32,
+    /// Nodes up to this stand for all below them.
+    whole: f32,
+}
+
+/// More than halve the largest map to one texel.
+const MAX_GENERATIONS: usize = 32;
 
 /// The widest texel of a cube's or sphere's level, radians.
 fn width(level: &Level) -> f32 {
@@ -139,38 +173,44 @@ impl LightTree {
 
     /// The light that each normal of a block gathers.
     fn gather(&self, block: &Block, alpha: f32) -> [Vec3A; LANES] {
+        let bounds: ArrayVec<Bounds, MAX_GENERATIONS> =
+            self.generations.iter().map(|nodes| nodes.bounds(block.radius, alpha)).collect();
         let mut sums = Sums::default();
         let top = self.generations.len() - 1;
         for root in 0..self.generations[top].lumps.len() {
-            self.add(top, root, block, alpha, &mut sums);
+            self.add(top, root, block, (&bounds, alpha * alpha), &mut sums);
         }
         let [red, green, blue] = sums.light;
         std::array::from_fn(|lane| Vec3A::new(red[lane], green[lane], blue[lane]) / sums.weight[lane])
     }
 
     /// Adds a node, or those below it where it is too large.
-    fn add(&self, generation: usize, node: usize, block: &Block, alpha: f32, sums: &mut Sums) {
+    fn add(
+        &self,
+        generation: usize,
+        node: usize,
+        block: &Block,
+        (bounds, alpha2): (&[Bounds], f32),
+        sums: &mut Sums,
+    ) {
         let nodes = &self.generations[generation];
         let lump = &nodes.lumps[node];
-        // Below all horizons: half a diagonal is less than three quarters of the width.
-        if lump.middle.dot(block.middle) < -(block.radius + 0.75 * nodes.width) {
+        let cosine = lump.middle.dot(block.middle);
+        if cosine < bounds[generation].horizon {
             return;
         }
-        let distance = (lump.middle.distance(block.middle) - block.radius).max(0.0);
-        // Directions turn by twice the angle of the facets.
-        let most = (MAX_WIDTH * (2.0 * alpha + distance)).min(MAX_RADIANS);
-        if generation == 0 || nodes.width <= most {
-            sums.add(lump, &block.normals, alpha * alpha);
+        if generation == 0 || cosine <= bounds[generation].whole {
+            sums.add(lump, &block.normals, alpha2);
             return;
         }
-        for child in self.generations[generation - 1].children(node, nodes.size) {
-            self.add(generation - 1, child, block, alpha, sums);
-        }
+        self.generations[generation - 1].for_children(node, nodes.size, |child| {
+            self.add(generation - 1, child, block, (bounds, alpha2), sums);
+        });
     }
 }
 
 /// Texels that are worked out side by side.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// Neighbours of one face, which see the same nodes.
 struct Block {
