@@ -135,7 +135,7 @@ impl Drop for TemporaryFolder {
 pub fn temporary_folder(folder: &Path) -> io::Result<TemporaryFolder> {
     sweep(folder);
     let made = Builder::new().prefix(PREFIX).tempdir_in(folder).map_err(without_name)?;
-    let [unnamed, path] = ["new", FOLDER_LOCK].map(|name| made.path().join(name));
+    let [unnamed, path] = [UNNAMED_LOCK, FOLDER_LOCK].map(|name| made.path().join(name));
     let lock = File::create(&unnamed)?;
     // Where there are no locks, nobody else can take it either.
     lock.try_lock_shared().unwrap_or_default();
@@ -159,6 +159,9 @@ const PREFIX: &str = ".fantex-";
 
 /// The file in a temporary folder that is locked as long as the folder is in use.
 const FOLDER_LOCK: &str = ".fantex-lock";
+
+/// What that file is called until it is locked.
+const UNNAMED_LOCK: &str = ".fantex-new";
 
 /// A temporary file that nobody has locked for so long was left by a process that was killed.
 const STALE_AFTER: Duration = Duration::from_secs(60);
@@ -227,7 +230,7 @@ const MAX_SWEPT: usize = 16;
 
 /// Removes what killed processes have left in a folder, unless that was done within the last minute: whoever writes many files looks
 /// through their folder once.
-fn sweep(folder: &Path) {
+pub fn sweep(folder: &Path) {
     let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);
     swept.retain(|(_, at)| at.elapsed() < STALE_AFTER);
     if swept.iter().any(|(known, _)| known == folder) {
@@ -260,8 +263,12 @@ pub fn remove_leftovers(folder: &Path) {
 fn remove_left_folder(path: &Path, is_old: bool) {
     match File::open(path.join(FOLDER_LOCK)) {
         Ok(lock) if lock.try_lock().is_ok() => std::fs::remove_dir_all(path).unwrap_or_default(),
-        // Not one that has something in it: others may give their folders such names.
         Err(error) if error.kind() == io::ErrorKind::NotFound && is_old => {
+            let unnamed = path.join(UNNAMED_LOCK);
+            if File::open(&unnamed).is_ok_and(|lock| lock.try_lock().is_ok()) {
+                std::fs::remove_file(unnamed).unwrap_or_default();
+            }
+            // Not one that has something else in it: others may give their folders such names.
             std::fs::remove_dir(path).unwrap_or_default();
         }
         _ => {}
@@ -440,7 +447,9 @@ mod tests {
         for name in [".fantex-left", "left"] {
             std::fs::write(at(name).join(FOLDER_LOCK), "").unwrap();
         }
+        // A process is between making the lock and naming it.
         std::fs::create_dir(at(".fantex-young")).unwrap();
+        std::fs::write(at(".fantex-young").join(UNNAMED_LOCK), "").unwrap();
         remove_leftovers(parent.path());
         assert!(!at(".fantex-left").exists());
         for name in [".fantex-other", "left", ".fantex-young"] {
@@ -450,6 +459,10 @@ mod tests {
         let path = used.path().to_owned();
         drop(used);
         assert!(!path.exists() && !temporaries().files.contains_key(&path));
+        // It was killed there.
+        remove_left_folder(&at(".fantex-young"), true);
+        remove_left_folder(&at(".fantex-other"), true);
+        assert!(!at(".fantex-young").exists() && at(".fantex-other/a").exists());
     }
 
     #[cfg(unix)]

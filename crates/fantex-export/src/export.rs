@@ -149,7 +149,7 @@ impl<'a> ModelFile<'a> {
     /// # Errors
     /// The output's extension is none that exists; the output exists.
     pub(crate) fn new(output: &'a Path, root: Option<&str>, options: &'a ExportOptions<'a>) -> Result<Self> {
-        let gltf = Gltf::new(output, root).ok_or_else(|| unknown_kind(output, ".glb or .gltf"))?;
+        let gltf = Gltf::new(output, root).ok_or_else(|| unknown_kind(output, "a model", ".glb or .gltf"))?;
         let outputs = Outputs::new(options.force);
         outputs.check(output)?;
         if !gltf.is_binary() {
@@ -243,7 +243,7 @@ pub fn export_channels(
     let mut maps = Vec::with_capacity(channels.len());
     for (index, &(kind, output)) in channels.iter().enumerate() {
         if !["png", "exr", "ktx2"].contains(&extension(output).as_str()) {
-            return Err(unknown_kind(output, ".png, .exr or .ktx2"));
+            return Err(unknown_kind(output, "a channel", ".png, .exr or .ktx2"));
         }
         outputs.check(output)?;
         if channels[..index].iter().any(|(earlier, _)| *earlier == kind) {
@@ -472,8 +472,8 @@ pub(crate) fn cancelled() -> Error {
     Error::cancelled("the export was cancelled; nothing was written")
 }
 
-fn unknown_kind(path: &Path, known: &str) -> Error {
-    let message = format!("{} names no kind of file that is exported; use {known}", path.display());
+fn unknown_kind(path: &Path, what: &str, known: &str) -> Error {
+    let message = format!("{} is no name for {what}; use {known}", path.display());
     Error::invalid(message).with_path(path)
 }
 

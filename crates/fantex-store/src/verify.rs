@@ -20,12 +20,13 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_cover::{TriangleTiles, level_count};
 use fantex_mesh::{Edges, HardEdges, Mesh, is_crease, shading_normals};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::directory::Attachments;
 use crate::verify_texels::check_texels;
 use crate::{
     Asset, Channel, ChannelKind, ClusterId, PageCache, TexelReport, Tile, TileId, TileSource, TileTexels,
@@ -60,7 +61,7 @@ pub struct VerifyReport {
     pub ok: bool,
     /// Tile levels with damage (all channels of a tile's level count as one).
     pub damaged_tiles: u64,
-    /// The first few clusters that could not be read, in words.
+    /// The first few clusters that could not be read, then attachments, in words.
     pub first_damage: Vec<String>,
     /// Header slots that are damaged (0 or 1: without any the asset does not open).
     pub damaged_headers: u32,
@@ -95,12 +96,14 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     let continuity = certify(&cache);
     // In the place of what is damaged coarser levels would be read.
     let texels = (options.texels && damage.is_empty()).then(|| check_texels(&cache));
+    let unread = check_attachments(asset);
+    let sentences = damage.into_iter().map(|d| d.what).chain(unread.iter().map(ToString::to_string));
     let mut report = VerifyReport {
         ok: false,
         damaged_tiles: damaged_tiles.len() as u64,
-        first_damage: damage.into_iter().map(|d| d.what).take(16).collect(),
+        first_damage: sentences.take(16).collect(),
         damaged_headers: asset.damaged_headers(),
-        damaged_attachments: count_damaged_attachments(asset),
+        damaged_attachments: unread.len() as u64,
         mesh_faults: find_faults(asset.mesh()),
         continuity,
         texels,
@@ -117,10 +120,12 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     report
 }
 
-fn count_damaged_attachments(asset: &Asset) -> u64 {
-    asset.attachments().map_or(1, |list| {
-        list.par_iter().filter(|(name, record)| asset.read_attachment(name, record).is_err()).count() as u64
-    })
+/// Reads every attachment: why it cannot be read, or why their list cannot.
+fn check_attachments(asset: &Asset) -> Vec<Error> {
+    let unread = |list: &Attachments| {
+        list.par_iter().filter_map(|(name, record)| asset.read_attachment(name, record).err()).collect()
+    };
+    asset.attachments().map_or_else(|error| vec![error], unread)
 }
 
 struct ClusterDamage {

@@ -10,12 +10,12 @@ use fantex_bake::{
     AssetSource, BakeOptions, NoProgress, Progress, Source, TransferOptions, TransferSource, bake,
 };
 use fantex_base::files::scratch_folder;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover_while};
 use fantex_mesh::{
     CleanOptions, Edges, Mesh, Model, VertexCorners, clean, corner_angle, shading_normals, simplified_keeping,
 };
-use fantex_store::{Asset, AssetEditor, Damage, EditOptions, PREVIEW, PageCache};
+use fantex_store::{Asset, AssetEditor, Damage, EditOptions, PREVIEW, PageCache, io_cause, is_disk_full};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -205,8 +205,7 @@ impl Preview {
     /// Puts it into an asset and commits.
     pub(crate) fn attach(&self, editor: &mut AssetEditor) -> Result<()> {
         editor.attach(PREVIEW, self.bytes.clone())?;
-        editor.commit()?;
-        Ok(())
+        commit(editor)
     }
 
     /// Takes the preview out of an asset; false where there is none.
@@ -217,7 +216,7 @@ impl Preview {
         let mut editor = AssetEditor::open(path, &EditOptions::default())?;
         let is_there = editor.has_attachment(PREVIEW);
         editor.detach(PREVIEW);
-        editor.commit()?;
+        commit(&mut editor)?;
         Ok(is_there)
     }
 
@@ -232,6 +231,19 @@ impl Preview {
             || fantex_stream::open_asset(place)?.attachment_bytes(PREVIEW)?.is_some();
         Ok(is_there && crate::addresses::change(place, transfers, Self::remove_from)?)
     }
+}
+
+/// Commits what an editor holds that nobody keeps to try again.
+fn commit(editor: &mut AssetEditor) -> Result<()> {
+    let path = editor.asset().path().to_owned();
+    editor.commit().map(drop).map_err(|error| match io_cause(&error).filter(|_| is_disk_full(&error)) {
+        Some(cause) => {
+            let shown = path.display();
+            let sentence = format!("no space is left for {shown}: {cause}; make room, then try again");
+            Error::new(ErrorKind::Io, sentence).with_path(path)
+        }
+        None => error,
+    })
 }
 
 /// The mesh of a coarse asset, and how it is covered.

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::Result;
 use fantex::bake::{NormalMapOptions, NormalSpace, bake_normal_map};
 use fantex::texture::ColorSpace;
+use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::commands::image::{DEPTHS, FileDepth, check_depth, saved};
@@ -91,6 +91,12 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     let open = |path| open_shape(path, args.read, context);
     let [coarse, detailed] = [open(&args.coarse)?, open(&args.detailed)?];
     [&coarse, &detailed].into_iter().for_each(|model| show_notes(model, context));
+    if coarse.corners.uv_sets.is_empty() {
+        let [coarse, detailed] = [&args.coarse, &args.detailed].map(|path| path.display());
+        return Err(Error::invalid(format!(
+            "{coarse} has no texture coordinates, over which a normal map lies; 'fantex bake {coarse} --source mesh={detailed}' needs none"
+        )));
+    }
     let (image, report) = bake_normal_map(&coarse, &detailed, &options)?;
     if report.points == 0 {
         context.note(format!(

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::addresses::{change_copy, change_into};
+use fantex::addresses::{change_copy, change_into, is_object};
 use fantex::bake::NoProgress;
 use fantex::base::input::{ReadLimits, ReadOptions};
 use fantex::mesh::AlphaMode;
@@ -17,7 +17,7 @@ use fantex::{Error, ErrorKind, Result};
 use serde::Serialize;
 
 use super::view;
-use crate::context::Context;
+use crate::context::{Context, Deferral};
 use crate::scene::{check_asset_name, check_extension, open_asset, report_damage, size};
 use crate::text::{Choices, ShownPath, counted, megabytes, one_of};
 
@@ -202,12 +202,12 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };
-    let mut info = match &args.output {
+    let (mut info, _ending) = match &args.output {
         None if args.changes_asset() || strokes.commit_between() => {
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
             let changed = change_copy(&args.asset, [&context.step("copying", "MB"), &NoProgress], paint);
-            let info = changed.map_err(|error| without_room(error, &args.asset))?;
-            PaintInfo { output: (&args.asset).into(), ..info }
+            let (info, ending) = changed.map_err(|error| without_room(error, &args.asset))?;
+            (PaintInfo { output: (&args.asset).into(), ..info }, ending)
         }
         None => {
             let painted = paint(&args.asset, &strokes, args, context);
@@ -217,8 +217,8 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
             context.check_output(output)?;
             let paint = |copy: &Path| paint(copy, &strokes, args, context);
             let copying = context.step("copying", "MB");
-            let info = change_into(&args.asset, output, context.force, &copying, paint)?;
-            PaintInfo { output: output.into(), ..info }
+            let (info, ending) = change_into(&args.asset, output, context.force, &copying, paint)?;
+            (PaintInfo { output: output.into(), ..info }, ending)
         }
     };
     note_of_missing(&info.missing_characters).iter().for_each(|note| context.note(note));
@@ -265,6 +265,7 @@ fn missing(unrecorded: usize) -> String {
 fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     let log = StrokeLog::of(&*open_asset(asset)?)?;
     context.check_output_of(output, asset)?;
+    let _deferral = context.defer_interrupt();
     log.save(output)?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
@@ -275,7 +276,14 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     })
 }
 
-fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
+/// Paints on a file. Until the deferral is dropped Ctrl-C ends nothing: what is painted then only gets its place, which nobody should take for
+/// interrupted work and paint again.
+fn paint<'a>(
+    asset: &Path,
+    strokes: &Strokes,
+    args: &PaintArgs,
+    context: &'a Context,
+) -> Result<(PaintInfo, Option<Deferral<'a>>)> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
     let mut painter = Painter::open(asset, &options)?;
     if let Some(alpha) = args.alpha {
@@ -285,11 +293,10 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
     painter.add_channels(&args.add_channel)?;
     let summary = strokes.replay(&mut painter)?;
     report_damage(&args.asset, painter.damage(), context)?;
-    {
-        let _deferral = context.defer_interrupt();
-        painter.commit()?;
-    }
+    let mut ending = Some(context.defer_interrupt());
+    painter.commit()?;
     if args.no_history && !context.is_interrupted() {
+        ending = None;
         if asset == args.asset {
             context.set_remains("the strokes were painted".to_owned());
         }
@@ -300,8 +307,11 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
             context.note(format!("{} keeps the space that is free in it: {why}", args.asset.display()));
         }
     }
+    let ending = ending.or_else(|| Some(context.defer_interrupt()));
+    // What goes into a store may take long.
+    let ending = ending.filter(|_| !is_object(&args.asset));
     let committed = painter.editor().asset();
-    Ok(PaintInfo {
+    let info = PaintInfo {
         output: asset.into(),
         strokes: summary.strokes,
         dabs: summary.dabs,
@@ -313,5 +323,6 @@ fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -
         generation: committed.generation(),
         bytes: committed.file_bytes(),
         seconds: 0.0,
-    })
+    };
+    Ok((info, ending))
 }

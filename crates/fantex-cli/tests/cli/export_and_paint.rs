@@ -167,7 +167,16 @@ fn what_makes_no_sense_is_said_before_any_work() {
     succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
     let out = |name: &str| folder.path().join(name);
     fails(2, &["say which with --channel"], &[&"export", &asset, &"-o", &out("x.png")]);
-    fails(2, &[".glb or .gltf"], &[&"export", &asset, &"-o", &out("x.fbx")]);
+    fails(
+        2,
+        &["x.fbx is no name for a model; use .glb or .gltf"],
+        &[&"export", &asset, &"-o", &out("x.fbx")],
+    );
+    fails(
+        2,
+        &["x.glb is no name for a channel; use .png"],
+        &[&"export", &asset, &"-o", &out("x.glb"), &"--channel", &"base-color"],
+    );
     fails(2, &["square"], &[&"export", &asset, &"-o", &out("x.glb"), &"--size", &"640x480"]);
     fails(2, &["power of two"], &[&"export", &asset, &"-o", &out("x.glb"), &"--size", &"1000"]);
     fails(2, &["--turntable"], &[&"export", &asset, &"-o", &out("x.glb"), &"--environment", &"sky"]);

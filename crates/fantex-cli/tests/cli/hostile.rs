@@ -486,6 +486,14 @@ fn what_killed_processes_left_is_removed() {
     write(folder.path(), ".fantex-young", "young");
     succeeds(&[&"bake", &model, &"-o", &folder.path().join("a.fan"), &"--texels", &"4k"]);
     assert_eq!(files(folder.path()), [".fantex-used.tmp", ".fantex-young", "a.fan", "colored.ply"]);
+    // Locks of assets lie in the folder for temporary files.
+    std::fs::create_dir(folder.path().join("tmp")).unwrap();
+    old("tmp/.fantex-1-2-3.lock");
+    let mut over = fantex();
+    over.env("TMPDIR", folder.path().join("tmp")).arg("bake").arg(&model).args(["--texels", "4k", "--force"]);
+    let output = over.arg("-o").arg(folder.path().join("a.fan")).output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(files(&folder.path().join("tmp")), [] as [&str; 0]);
 }
 
 /// Serves ranges of a file, a connection at a time, until the process ends.

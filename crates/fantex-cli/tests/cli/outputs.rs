@@ -181,6 +181,26 @@ impl Bench {
             assert!(failures > 0, "{}: {kind} is not noticed", case.arguments);
         }
     }
+
+    /// Ends a command at each of its first syncs: it has done nothing, or all and says so.
+    fn interrupt(&self, case: &Case<'_>, syncs: u64) {
+        let out = self.path("out");
+        let run = |fault: &str| {
+            std::fs::remove_dir_all(&out).unwrap();
+            std::fs::create_dir(&out).unwrap();
+            let output = self.run(case, fault);
+            (output.status.code(), contents(&out), format!("{} {fault}: {}", case.arguments, stderr(&output)))
+        };
+        let (_, all, _) = run("");
+        for number in 1..=syncs {
+            let (code, found, about) = run(&format!("stop:{number}"));
+            match code {
+                Some(130) => assert!(found.is_empty(), "{about}: {:?}", found.keys()),
+                _ => assert!(code == Some(0) && found == all, "{about}"),
+            }
+            assert!(contents(&self.path("tmp")).is_empty(), "{about}");
+        }
+    }
 }
 
 #[test]
@@ -189,6 +209,7 @@ fn no_output_is_lost_where_the_first_write_fails() {
     // The demo takes as long as all others, and its files are written as those of the commands that it is made of.
     let cases = CASES.iter().filter(|case| !case.arguments.starts_with("demo"));
     cases.for_each(|case| bench.attack(case, 1..2));
+    bench.interrupt(&whole("paint IN/bottle.fan --replay IN/strokes.json -o OUT/a.fan"), 5);
 }
 
 /// Encoders of PNG write the end of the file when they are dropped.

@@ -14,6 +14,23 @@ fn an_asset_gets_a_preview_and_loses_it() {
     assert!(json(&[&"info", &asset])["preview_bytes"].is_null());
     let before = std::fs::metadata(&asset).unwrap().len();
 
+    #[cfg(target_os = "linux")]
+    {
+        // A disk without room for more.
+        let script =
+            format!("ulimit -f {}; exec \"$0\" preview \"$@\" --triangles 2k --texels 20k", before / 1024);
+        let mut full = std::process::Command::new("bash");
+        full.args(["-c", &script, env!("CARGO_BIN_EXE_fantex")]).arg(&asset);
+        let output = full.output().unwrap();
+        let errors = crate::stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{errors}");
+        assert!(
+            errors.contains("land.fan") && errors.trim_end().ends_with("make room, then try again"),
+            "{errors}"
+        );
+        assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    }
+
     let info = json(&[&"preview", &asset, &"--triangles", &"2k", &"--texels", &"20k"]);
     let triangles = info["triangles"].as_u64().unwrap();
     assert!((1500..=2000).contains(&triangles), "{info}");

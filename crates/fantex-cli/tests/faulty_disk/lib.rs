@@ -1,5 +1,6 @@
 //! A disk that fails, for any program: loaded before the C library (`LD_PRELOAD`), it lets calls fail that write to files below
-//! the folder `FAULTY_FOLDER`. `FAULTY` says how: `full:N` all writes from the N-th on, `write:N` the N-th one, `sync:N` the N-th sync.
+//! the folder `FAULTY_FOLDER`. `FAULTY` says how: `full:N` all writes from the N-th on, `write:N` the N-th one, `sync:N` the N-th sync. With `stop:N` nothing
+//! fails; the program is asked to end at the N-th sync, and has a moment for it.
 
 #![cfg(target_os = "linux")]
 #![expect(unsafe_code, reason = "functions of the C library are replaced")]
@@ -30,7 +31,8 @@ fn fault() -> Option<&'static Fault> {
 /// Whether a call of a kind fails, with the error set.
 fn fails(file: c_int, is_sync: bool) -> bool {
     static COUNT: AtomicU64 = AtomicU64::new(0);
-    let Some(fault) = fault().filter(|fault| (fault.kind == "sync") == is_sync) else { return false };
+    let of_syncs = |fault: &Fault| fault.kind == "sync" || fault.kind == "stop";
+    let Some(fault) = fault().filter(|fault| of_syncs(fault) == is_sync) else { return false };
     let link = format!("/proc/self/fd/{file}\0");
     let mut path = [0_u8; 4096];
     // SAFETY: the path ends with a zero byte, and the buffer is as long as is said.
@@ -41,6 +43,14 @@ fn fails(file: c_int, is_sync: bool) -> bool {
         return false;
     }
     let number = 1 + COUNT.fetch_add(1, Relaxed);
+    if fault.kind == "stop" {
+        if number == fault.number {
+            // SAFETY: a signal to this process.
+            unsafe { libc::kill(libc::getpid(), libc::SIGTERM) };
+            std::thread::sleep(std::time::Duration::from_millis(300));
+        }
+        return false;
+    }
     let fails = if fault.kind == "full" { number >= fault.number } else { number == fault.number };
     if fails {
         // SAFETY: the place of this thread's error number.

@@ -15,7 +15,7 @@ use std::time::Duration;
 #[cfg(unix)]
 use std::time::UNIX_EPOCH;
 
-use fantex_base::files::{exists, forget, persist, remember};
+use fantex_base::files::{exists, folder_of, forget, persist, remember, sweep};
 use fantex_base::{Error, ErrorKind, Result};
 use tempfile::TempPath;
 
@@ -62,7 +62,10 @@ impl WriterLock {
     }
 
     fn with_beside(path: &Path, real: &Path, beside: Arc<LockFile>) -> Result<Self> {
-        let _of_inode = match inode_lock_path(real).map(|lock_path| LockFile::acquire(path, lock_path)) {
+        let of_inode = inode_lock_path(real);
+        // Nobody takes the locks of killed processes whose files have gone.
+        of_inode.iter().for_each(|lock_path| sweep(folder_of(lock_path)));
+        let _of_inode = match of_inode.map(|lock_path| LockFile::acquire(path, lock_path)) {
             Some(Err(error)) if error.kind() == ErrorKind::Conflict => return Err(error),
             // Without such a folder the lock beside the asset is all there is.
             lock => lock.and_then(Result::ok),

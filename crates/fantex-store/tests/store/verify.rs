@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::Mesh;
-use fantex_store::{Asset, ExemptEdges, JUMP_BOUND, MeshFault, VerifyOptions, VerifyReport, verify};
+use fantex_store::{
+    Asset, AssetEditor, EditOptions, ExemptEdges, JUMP_BOUND, MeshFault, VerifyOptions, VerifyReport, verify,
+};
 use glam::Vec3;
 
 use crate::common::{block_channels, fan_cover, plain_channels, sheet, tetrahedron, write};
@@ -167,4 +169,25 @@ fn damage_is_counted_and_does_not_break_continuity() {
     assert_eq!(report.first_damage.len(), 1);
     assert_eq!(report.damaged_headers, 1);
     assert!(report.continuity.largest_jump < JUMP_BOUND, "{report:?}");
+}
+
+#[test]
+fn attachments_that_cannot_be_read_are_counted_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = tetrahedron();
+    let path = written(folder.path(), &mesh, &fan_cover(&mesh, |_| [16, 16]));
+    let contents = b"too short to be packed";
+    {
+        let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+        editor.attach("note", contents.to_vec()).unwrap();
+        editor.commit().unwrap();
+    }
+    let mut bytes = std::fs::read(&path).unwrap();
+    let place = bytes.windows(contents.len()).position(|window| window == contents).unwrap();
+    bytes[place] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let report = verify(&path, &VerifyOptions::default()).unwrap();
+    assert_eq!((report.ok, report.damaged_attachments, report.damaged_tiles), (false, 1, 0));
+    assert_eq!(report.first_damage.len(), 1);
+    assert!(report.first_damage[0].starts_with("attachment \"note\""), "{report:?}");
 }

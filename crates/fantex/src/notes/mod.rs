@@ -27,15 +27,17 @@ pub fn stand_in_note(place: &Path, tiles: u64, first: impl Display) -> String {
 /// Why an asset did not pass.
 pub fn not_verified(place: &Path, report: &VerifyReport) -> Error {
     let jump = report.continuity.largest_jump;
-    let reason = if let Some(damage) = report.first_damage.first() {
-        format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
+    let first = report.first_damage.first().map_or("", String::as_str);
+    let reason = if report.damaged_tiles > 0 {
+        format!("it has {}; the first: {first}", counted(report.damaged_tiles, "damaged tile"))
     } else if let Some(fault) = report.mesh_faults.first() {
         format!("its mesh breaks a rule of the format: {fault}")
     } else if report.damaged_headers > 0 {
         "one of its two headers is damaged; the other one still opens it".to_owned()
     } else if report.damaged_attachments > 0 {
-        let attachments = counted(report.damaged_attachments, "damaged attachment");
-        format!("it has {attachments} (layers, history); its texels are sound")
+        // Also where there is too little memory for them, or a server does not answer.
+        let attachments = counted(report.damaged_attachments, "attachment");
+        format!("{attachments} (layers, history) cannot be read; its texels are sound; the first: {first}")
     } else if report.continuity.needless_splits > 0 {
         let edges = counted(report.continuity.needless_splits, "edge");
         format!(
