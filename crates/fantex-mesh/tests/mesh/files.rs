@@ -452,6 +452,23 @@ fn both_byte_orders_give_the_same() {
 }
 
 #[test]
+fn what_follows_the_last_element_is_told() {
+    let text = ascii_ply("", FACES) + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n";
+    for (file, told) in [
+        ([&binary_ply(false)[..], b"\r\n"].concat(), None),
+        ([&binary_ply(true)[..], b"\nabc\n"].concat(), Some("3 bytes")),
+        (text.clone().into_bytes(), None),
+        ((text + "3 0 2 3\n").into_bytes(), Some("7 bytes")),
+    ] {
+        let notes = load_files(&[("a.ply", &file)]).unwrap().notes.join("\n");
+        match told {
+            Some(told) => assert_mentions(&notes, &["after the last element", told]),
+            None => assert_eq!(notes, ""),
+        }
+    }
+}
+
+#[test]
 fn float_colours_are_fractions_and_coordinate_names_vary() {
     for names in [["u", "v"], ["texture_u", "texture_v"], ["s", "t"]] {
         let [u, v] = names;
