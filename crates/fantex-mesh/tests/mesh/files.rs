@@ -362,6 +362,9 @@ fn maps_of_single_numbers_are_packed() {
     assert_eq!(apart.materials[0].alpha, AlphaMode::Opaque);
     let rough = apart.materials[0].metallic_roughness_texture.as_ref().unwrap();
     assert_eq!(name(&apart.images[rough.image]), "r.png");
+    let brighter = model("map_Kd -mm 0 1 c.png\nmap_Ke -mm 0.25 0.5 e.png\n");
+    assert_eq!(brighter.notes.len(), 1);
+    assert_mentions(&brighter.notes[0], &["line ", "-mm 0.25 0.5", "left out"]);
 }
 
 #[test]
