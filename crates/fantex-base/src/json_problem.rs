@@ -71,8 +71,10 @@ fn of_data(said: &str) -> Option<String> {
         _ => {
             // What is of the right type is negative, or too large.
             let is_large = found.starts_with("value: integer ") && !found.contains('-');
-            let expected = expected_in_words(expected, is_large);
-            format!("expected {expected}, found {}", found_in_words(found))
+            // A list that is too short is read key by key.
+            let is_list = expected.starts_with("struct ") && found.starts_with("length ");
+            let found = if is_list { "a list" } else { found_in_words(found) };
+            format!("expected {}, found {found}", expected_in_words(expected, is_large))
         }
     })
 }
@@ -186,7 +188,7 @@ mod tests {
             ("{\"side\": {\"part\": 1}}", ": expected keys and values in braces, found 1"),
             ("{\"version\": 1, \"parts\": {}}", ": expected a list, found keys and values in braces"),
             ("{\"version\": 1, \"parts\": [7]}", ": expected keys and values in braces, found 7"),
-            ("{\"version\": 1, \"part\": []}", ": expected "),
+            ("{\"version\": 1, \"part\": []}", ": expected keys and values in braces, found a list"),
             ("{\"part\": {\"name\": null}}", ": expected a text, found null"),
             ("{\"part\": {\"corner\": [0, 0]}}", ": expected three numbers, found 2"),
             ("{\"part\": {\"corner\": [0, 0, true]}}", ": expected a number, found true"),

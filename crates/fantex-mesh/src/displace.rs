@@ -5,6 +5,8 @@
 //! a surface without cracks stays without cracks, whatever the function does at texture seams and creases. The idea of
 //! displacing a finely cut surface is that of R. Cook, "Shade Trees", 1984.
 
+use std::collections::HashSet;
+
 use fantex_base::{Aabb, Error, Result};
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
@@ -59,7 +61,8 @@ fn displaced(mesh: &Mesh, options: &DisplaceOptions, height: Height<'_>) -> Resu
     options.check()?;
     let vertices = displaced_vertices(mesh, height)?;
     let pieces = whole_triangles(mesh);
-    let mut tessellation = Tessellation { vertices, pieces, height, facets: Vec::new() };
+    let mut tessellation =
+        Tessellation { vertices, pieces, height, facets: Vec::new(), places: HashSet::new() };
     let mut rounds = 0;
     while tessellation.refine(options.refinement.limits(), options.max_triangles)? > 0 {
         rounds += 1;
@@ -83,7 +86,7 @@ const FLAT_COSINE: f32 = 0.99;
 /// # Errors
 ///
 /// A length below [`Refinement::MIN_EDGE`], more than `max_triangles`, triangles so thin that single precision cannot cut them, or
-/// edges that lie on each other without a common vertex, whose middles would meet.
+/// many edges that lie on each other without a common vertex, for whose middles there are not places enough.
 pub fn refine_at_bends(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Result<Mesh> {
     let refinement = Refinement::Uniform { longest_edge };
     DisplaceOptions { refinement, ..DisplaceOptions::default() }.check()?;
@@ -93,10 +96,11 @@ pub fn refine_at_bends(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Re
         pieces: whole_triangles(mesh),
         height: &|_: &DisplacePoint| 0.0,
         facets,
+        places: mesh.positions.iter().map(|&position| place(position)).collect(),
     };
     let limits = Limits { only_bent: true, ..refinement.limits() };
     while tessellation.refine(limits, max_triangles)? > 0 {}
-    let Tessellation { vertices, pieces, .. } = tessellation;
+    let Tessellation { vertices, pieces, places, .. } = tessellation;
     let of = &mesh.corners;
     let unit = |v: Vec3| v.normalize_or(Vec3::Z);
     let refined = Mesh {
@@ -119,14 +123,15 @@ pub fn refine_at_bends(mesh: &Mesh, longest_edge: f32, max_triangles: u64) -> Re
     if !pieces.par_iter().enumerate().all(stays) {
         return Err(Error::invalid("the mesh has triangles too thin to be cut finer"));
     }
-    // Both zeros are one place.
-    let mut places: Vec<[u32; 3]> =
-        refined.positions.par_iter().map(|p| p.to_array().map(|x| (x + 0.0).to_bits())).collect();
-    places.par_sort_unstable();
-    match places.windows(2).any(|pair| pair[0] == pair[1]) {
+    match places.len() < vertices.len() {
         true => Err(Error::invalid("the mesh has edges that lie on each other, and cannot be cut there")),
         false => Ok(refined),
     }
+}
+
+/// A position to compare: both zeros are one.
+fn place(position: Vec3) -> [u32; 3] {
+    position.to_array().map(|x| (x + 0.0).to_bits())
 }
 
 /// Interpolated and made unit vectors again, with the handedness of the triangle that was cut.
@@ -146,7 +151,7 @@ fn materials_of(mesh: &Mesh, pieces: &[Piece]) -> Vec<u32> {
 
 /// The mesh's own vertices; those around which `facets` differ are bent.
 fn undisplaced_vertices(mesh: &Mesh, facets: &[Vec3]) -> Vec<Vertex> {
-    let plain = |&position: &Vec3| Vertex { position, normal: Vec3::Z, height: 0.0, is_bent: false };
+    let plain = |&position: &Vec3| Vertex { position, normal: Vec3::Z, height: 0.0, is_bent: false, at: 0.5 };
     let mut vertices: Vec<Vertex> = mesh.positions.iter().map(plain).collect();
     let mut first = vec![NONE; vertices.len()];
     for ((number, triangle), facet) in (0..).zip(&mesh.triangles).zip(facets) {
@@ -181,7 +186,7 @@ fn displaced_vertices(mesh: &Mesh, height: Height<'_>) -> Result<Vec<Vertex>> {
             heights += height_at(height, corner / 3, lambda, position, normal)?;
         }
         let height = (heights / row.len().max(1) as f64) as f32;
-        Ok(Vertex { position, normal, height, is_bent: false })
+        Ok(Vertex { position, normal, height, is_bent: false, at: 0.5 })
     };
     (0..corners.len()).into_par_iter().with_min_len(1 << 10).map(of_vertex).collect()
 }
@@ -348,6 +353,8 @@ const BLOCK: usize = 1 << 12;
 const NONE: u32 = u32::MAX;
 /// Where along an edge the displaced surface is compared with the straight line.
 const PROBES: [f32; 3] = [0.25, 0.5, 0.75];
+/// Where an edge is cut whose middle lies on another vertex, as that of a wall which stands on a longer one may.
+const BESIDE_MIDDLE: [f32; 6] = [0.4375, 0.5625, 0.46875, 0.53125, 0.375, 0.625];
 
 #[derive(Clone, Copy, Debug)]
 struct Corner {
@@ -370,6 +377,8 @@ struct Vertex {
     normal: Vec3,
     height: f32,
     is_bent: bool,
+    /// Where it lies on the edge that it cuts, from the lower to the higher vertex.
+    at: f32,
 }
 
 impl Vertex {
@@ -384,6 +393,8 @@ struct Tessellation<'h> {
     height: Height<'h>,
     /// Unit normals of the mesh's triangles, where vertices that are bent are to be known.
     facets: Vec<Vec3>,
+    /// Of the vertices, where these stay in their places.
+    places: HashSet<[u32; 3]>,
 }
 
 /// An edge of a piece: its vertices in ascending order, and the number of its first corner.
@@ -415,7 +426,10 @@ impl Tessellation<'_> {
 
         // Step 4: make the new vertices and tell them to the sides.
         let middle = |edge: &&[Side]| self.on_edge(edge, 0.5);
-        let middles = cut.par_iter().with_min_len(256).map(middle).collect::<Result<Vec<Vertex>>>()?;
+        let mut middles = cut.par_iter().with_min_len(256).map(middle).collect::<Result<Vec<Vertex>>>()?;
+        if limits.only_bent {
+            self.set_apart(&cut, &mut middles)?;
+        }
         let mut middle_of_side = vec![NONE; 3 * self.pieces.len()];
         for (vertex, edge) in (self.vertices.len() as u32..).zip(&cut) {
             edge.iter().for_each(|&(_, side)| middle_of_side[side as usize] = vertex);
@@ -430,6 +444,19 @@ impl Tessellation<'_> {
             self.pieces = pieces.with_min_len(BLOCK).flat_map_iter(cut).collect();
         }
         Ok(cut.len())
+    }
+
+    /// Moves middles along their edges that lie on other vertices: parts of a model may touch along edges that they do not share.
+    fn set_apart(&mut self, cut: &[&[Side]], middles: &mut [Vertex]) -> Result<()> {
+        for (edge, middle) in cut.iter().zip(middles) {
+            let mut others = BESIDE_MIDDLE.into_iter();
+            while !self.places.insert(place(middle.position))
+                && let Some(at) = others.next()
+            {
+                *middle = self.on_edge(edge, at)?;
+            }
+        }
+        Ok(())
     }
 
     /// Flags the longest side of every piece that has a flagged side, and so on. A longest side is among `edges`, because
@@ -526,7 +553,7 @@ impl Tessellation<'_> {
         let first = facet(&sides[0]);
         let is_bent =
             sides.iter().skip(1).any(|side| first.zip(facet(side)).is_some_and(|(a, b)| is_bent(*a, *b)));
-        Ok(Vertex { position, normal, height: (sum / sides.len() as f64) as f32, is_bent })
+        Ok(Vertex { position, normal, height: (sum / sides.len() as f64) as f32, is_bent, at })
     }
 }
 
@@ -550,8 +577,10 @@ fn cut_piece(vertices: &[Vertex], piece: &Piece, middles: &[u32]) -> arrayvec::A
     let turn = turn.unwrap_or(0);
     let c = [0, 1, 2].map(|k| piece.corners[(k + turn) % 3]);
     let middle = |k: usize| {
-        let lambda = 0.5 * (c[k].lambda + c[(k + 1) % 3].lambda);
-        Corner { vertex: middles[(k + turn) % 3], lambda }
+        let (from, to, vertex) = (c[k], c[(k + 1) % 3], middles[(k + turn) % 3]);
+        let at = vertices.get(vertex as usize).map_or(0.5, |middle| middle.at);
+        let at = if from.vertex < to.vertex { at } else { 1.0 - at };
+        Corner { vertex, lambda: from.lambda * (1.0 - at) + to.lambda * at }
     };
     let m = [0, 1, 2].map(middle);
     let distance = |a: Corner, b: Corner| {

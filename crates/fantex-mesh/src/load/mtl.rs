@@ -3,7 +3,8 @@
 //! packing where both are one image, and any channel of a grey one.
 //!
 //! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. A black `Kd` beside `map_Kd`, which exporters write that have no
-//! factor, counts as white. What follows `map_Bump` is a [`BumpImage`]. What metallic-roughness cannot express is left out with a note.
+//! factor, counts as white. What follows `map_Bump` is a [`BumpImage`]. What metallic-roughness cannot express is left out with a note, and so are
+//! changes of a map's brightness and contrast (`-mm`).
 
 use std::collections::{HashMap, HashSet};
 use std::error::Error as _;
@@ -345,6 +346,13 @@ impl<'a> Reader<'a> {
     fn texture(&mut self, arguments: &[u8]) -> Option<ParsedTexture> {
         let text = String::from_utf8_lossy(arguments).into_owned();
         let options = MapOptions::parse(&text);
+        if options.levels != [0.0, 1.0] {
+            let [base, gain] = options.levels;
+            let place = self.place();
+            self.library.notes.push(format!(
+                "{place}: \"-mm {base} {gain}\", which changes the numbers of the map, was left out; change the image itself"
+            ));
+        }
         let path = locate(self.path, &relative_path(options.file_name)?);
         let path = path.map_err(|error| self.library.notes.push(error.to_string())).ok()?;
         let wrap = if options.clamp { WrapMode::Clamp } else { WrapMode::Repeat };
@@ -391,6 +399,8 @@ struct MapOptions<'a> {
     scale: Vec2,
     clamp: bool,
     bump_scale: f32,
+    /// What `-mm` adds to the numbers of the map, and multiplies them by.
+    levels: [f32; 2],
     /// `-imfchan`, except for the depth that no picture has.
     channel: Option<ImageChannel>,
     file_name: &'a str,
@@ -404,6 +414,7 @@ impl<'a> MapOptions<'a> {
             scale: Vec2::ONE,
             clamp: false,
             bump_scale: 1.0,
+            levels: [0.0, 1.0],
             channel: None,
             file_name: text,
         };
@@ -414,7 +425,9 @@ impl<'a> MapOptions<'a> {
                 "-o" => options.offset = take_vector(&mut rest, Vec2::ZERO),
                 "-s" => options.scale = take_vector(&mut rest, Vec2::ONE),
                 "-t" => _ = take_vector(&mut rest, Vec2::ZERO),
-                "-mm" => _ = (take_number(&mut rest), take_number(&mut rest)),
+                "-mm" => {
+                    options.levels = [0.0, 1.0].map(|usual| take_number(&mut rest).unwrap_or(usual));
+                }
                 "-bm" => options.bump_scale = take_number(&mut rest).unwrap_or(1.0),
                 "-boost" | "-texres" => _ = take_number(&mut rest),
                 "-clamp" => {

@@ -231,6 +231,9 @@ trait NumberSource {
 
     /// Bytes not yet read: an upper limit for what may still come.
     fn left(&self) -> u64;
+
+    /// Bytes not yet read, without white space at their ends.
+    fn trailing(&self) -> u64;
 }
 
 struct Binary<'a, const BIG: bool> {
@@ -276,6 +279,10 @@ impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
     fn left(&self) -> u64 {
         self.rest.len() as u64
     }
+
+    fn trailing(&self) -> u64 {
+        self.rest.trim_ascii().len() as u64
+    }
 }
 
 impl NumberSource for Words<'_> {
@@ -291,6 +298,10 @@ impl NumberSource for Words<'_> {
     fn left(&self) -> u64 {
         // The last number needs no separator after it.
         self.rest.len() as u64 + 1
+    }
+
+    fn trailing(&self) -> u64 {
+        self.rest.trim_ascii().len() as u64
     }
 }
 
@@ -308,6 +319,8 @@ struct Content {
     colors_srgb: Vec<Vec4>,
     faces: Faces,
     skipped_elements: Vec<String>,
+    /// Bytes after the last element.
+    trailing: u64,
 }
 
 #[derive(Default)]
@@ -422,6 +435,7 @@ fn read_elements(file: &SourceFile, header: &Header, mut source: impl NumberSour
         }
     }
     check_indices(&content)?;
+    content.trailing = source.trailing();
     Ok(content)
 }
 
@@ -782,6 +796,12 @@ fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Mod
     if !content.skipped_elements.is_empty() {
         let list = content.skipped_elements.join(", ");
         model.notes.push(format!("elements that fantex does not use were skipped: {list}"));
+    }
+    if content.trailing > 0 {
+        let bytes = counted(content.trailing, "byte");
+        model.notes.push(format!(
+            "ignored {bytes} after the last element: the header announces fewer rows or columns than there are"
+        ));
     }
     model.triangles = faces.corners.as_chunks::<3>().0.to_vec();
     model.positions = content.positions;

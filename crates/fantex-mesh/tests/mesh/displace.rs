@@ -5,11 +5,11 @@ use std::f64::consts::PI;
 
 use fantex_base::ErrorKind;
 use fantex_mesh::{
-    DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology, VertexCorners, displace,
-    generate, refine_at_bends, shading_normals,
+    CornerAttributes, DisplaceOptions, DisplacePoint, Mesh, Model, ObjectSpace, Refinement, Topology,
+    VertexCorners, displace, generate, refine_at_bends, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::common::data_folder;
 
@@ -325,6 +325,39 @@ fn a_refined_mesh_is_the_same_surface_in_smaller_triangles() {
     assert_eq!(refined.triangle_materials.iter().copied().max(), Some(2));
     assert_eq!(refine_at_bends(&mesh, 10.0, 100_000).unwrap().triangles, mesh.triangles);
     assert!(refine_at_bends(&mesh, 0.01, 1000).is_err() && refine_at_bends(&mesh, 0.0, 1000).is_err());
+}
+
+/// Two boxes stand against each other, one twice as high: two edges of each have the same middles.
+#[test]
+fn parts_that_touch_along_their_edges_are_cut_apart() {
+    let mut model = generate::cube(1);
+    model.corners = CornerAttributes::default();
+    let low = model.positions.iter().copied().fold(DVec3::MAX, DVec3::min);
+    let high = model.positions.iter().copied().fold(DVec3::MIN, DVec3::max);
+    let stretched = DVec3::new(1.0, 2.0, 1.0);
+    let tower =
+        |p: &DVec3| DVec3::X * (high - low).x + 0.5 * (low + high) + (*p - 0.5 * (low + high)) * stretched;
+    let towers: Vec<DVec3> = model.positions.iter().map(tower).collect();
+    let triangles: Vec<[u32; 3]> =
+        model.triangles.iter().map(|t| t.map(|v| v + towers.len() as u32)).collect();
+    model.positions.extend(towers);
+    model.triangles.extend(triangles);
+    let mut mesh = cleaned(model);
+    mesh.corners.uv_sets =
+        vec![mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize].truncate()).collect()];
+    let refined = refine_at_bends(&mesh, 0.2, 100_000).unwrap();
+    assert!(refined.triangles.len() > 10 * mesh.triangles.len());
+    assert!((refined.area() / mesh.area() - 1.0).abs() < 1e-5);
+    assert_no_cracks("towers", &mesh, &refined);
+    let mut places: Vec<[u32; 3]> =
+        refined.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+    places.sort_unstable();
+    places.dedup();
+    assert_eq!(places.len(), refined.positions.len());
+    for (corner, &vertex) in refined.triangles.iter().flatten().enumerate() {
+        let uv = refined.positions[vertex as usize].truncate();
+        assert!((refined.corners.uv_sets[0][corner] - uv).length() < 1e-6);
+    }
 }
 
 #[test]

@@ -362,6 +362,9 @@ fn maps_of_single_numbers_are_packed() {
     assert_eq!(apart.materials[0].alpha, AlphaMode::Opaque);
     let rough = apart.materials[0].metallic_roughness_texture.as_ref().unwrap();
     assert_eq!(name(&apart.images[rough.image]), "r.png");
+    let brighter = model("map_Kd -mm 0 1 c.png\nmap_Ke -mm 0.25 0.5 e.png\n");
+    assert_eq!(brighter.notes.len(), 1);
+    assert_mentions(&brighter.notes[0], &["line ", "-mm 0.25 0.5", "left out"]);
 }
 
 #[test]
@@ -449,6 +452,23 @@ fn both_byte_orders_give_the_same() {
     assert_eq!(little.corners.uv_sets[0][0], Vec2::new(0., 1.));
     let color = little.corners.colors[0];
     assert!((color - Vec4::new(1., 0.5, 0., 0.2)).length() < 5e-3, "{color}");
+}
+
+#[test]
+fn what_follows_the_last_element_is_told() {
+    let text = ascii_ply("", FACES) + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n";
+    for (file, told) in [
+        ([&binary_ply(false)[..], b"\r\n"].concat(), None),
+        ([&binary_ply(true)[..], b"\nabc\n"].concat(), Some("3 bytes")),
+        (text.clone().into_bytes(), None),
+        ((text + "3 0 2 3\n").into_bytes(), Some("7 bytes")),
+    ] {
+        let notes = load_files(&[("a.ply", &file)]).unwrap().notes.join("\n");
+        match told {
+            Some(told) => assert_mentions(&notes, &["after the last element", told]),
+            None => assert_eq!(notes, ""),
+        }
+    }
 }
 
 #[test]

@@ -220,6 +220,7 @@ fn external_buffers_are_found_by_decoded_relative_paths() {
     let escaped = data.replace('A', "%41").replace('/', "%2F").replace('=', "%3D");
     assert_ne!(data, escaped);
     assert_eq!(files(&format!("{head},{escaped}")).unwrap().triangles, [[0, 1, 2]]);
+    assert_eq!(files(&format!("{},{data}", head.to_uppercase())).unwrap().triangles, [[0, 1, 2]]);
 }
 
 #[test]
@@ -478,6 +479,20 @@ fn morph_targets_are_shown_by_their_weights() {
     let own = r#"{"mesh":0,"weights":[-2]}"#;
     assert_positions(&posed_gltf(own, "0.5"), [[2., 0., -2.], [2., 0., -4.], [0., 3., -6.]]);
     assert_positions(&posed_gltf(r#"{"mesh":0}"#, ""), [[2., 0., 0.], [2., 0., 0.], [0., 3., 0.]]);
+
+    // Colours and texture coordinates, too; colours end between 0 and 1.
+    let text = posed_gltf(r#"{"mesh":0}"#, "0.5")
+        .replace(r#""JOINTS_0":2,"WEIGHTS_0":3"#, r#""COLOR_0":3,"TEXCOORD_0":5"#)
+        .replace(r#"[{"POSITION":1}]"#, r#"[{"COLOR_0":1,"TEXCOORD_0":6}]"#)
+        .replace(
+            r#""MAT4"}]"#,
+            r#""MAT4"},{"bufferView":0,"componentType":5126,"count":3,"type":"VEC2"},{"bufferView":0,"byteOffset":84,"componentType":5126,"count":3,"type":"VEC2"}]"#,
+        );
+    let model = load_text("a.gltf", &text).unwrap();
+    let expected = [Vec4::new(1., 0., 0.5, 0.), Vec4::new(0.5, 0.5, 1., 0.), Vec4::new(0.25, 0., 1., 0.)];
+    assert_eq!(model.corners.colors, expected);
+    let expected = [Vec2::new(2.5, 0.), Vec2::new(0., 2.), Vec2::new(0.25, 0.25)];
+    assert_eq!(model.corners.uv_sets, [expected]);
 }
 
 /// A point at (2, 0, 0) is, seen from the second joint, at (1, 0, 0), which the quarter turn takes to (0, 1, 0), in the world (1, 1, 0);

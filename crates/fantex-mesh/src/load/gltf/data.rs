@@ -74,7 +74,9 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 
 /// Decodes a data URI, or resolves a path relative to the file that names it.
 pub(super) fn resolve(uri: &str, owner: &Path) -> Result<Target> {
-    if let Some(data) = uri.strip_prefix("data:") {
+    if let Some((scheme, data)) = uri.split_once(':')
+        && scheme.eq_ignore_ascii_case("data")
+    {
         return decode_data(data).map(Target::Bytes);
     }
     let not_relative = || {
@@ -102,7 +104,8 @@ fn decode_data(data: &str) -> Result<HeldBytes> {
     let held = input::reserve("its data URI", content.len() as u64)?;
     // A copy only where something is encoded.
     let content = Cow::from(percent_encoding::percent_decode_str(content));
-    let bytes = match media_type.ends_with(";base64") {
+    let is_base64 = media_type.rsplit_once(';').is_some_and(|(_, last)| last.eq_ignore_ascii_case("base64"));
+    let bytes = match is_base64 {
         true => BASE64.decode(content.trim_ascii_end()).map_err(|_| broken("it is not base64"))?,
         false => content.into_owned(),
     };

@@ -27,7 +27,7 @@ use draco::Unpacked;
 use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
-use pose::{Placement, morph, world_from_bind};
+use pose::{COLORS, Placement, morph, world_from_bind};
 use schema::{Instancing, Node, Primitive, Root};
 
 use crate::counts::there_are;
@@ -562,15 +562,17 @@ impl Loader<'_, '_> {
             pad(&mut corners.tangents, before, Vec4::ZERO);
             attributes.spread(&tangents, &mut corners.tangents);
         }
-        if let Some(colors) = attributes.read_colors(document)? {
+        if let Some(colors) = attributes.read_colors(document, weights)? {
             pad(&mut corners.colors, before, Vec4::ONE);
             attributes.spread(&colors, &mut corners.colors);
         }
         for set in 0..MAX_UV_SETS {
             let name = format!("TEXCOORD_{set}");
-            let Some(uvs) = attributes.read::<2>(document, &name, "two floats or integers", false)? else {
+            let Some(mut uvs) = attributes.read::<2>(document, &name, "two floats or integers", false)?
+            else {
                 continue;
             };
+            morph(document, of, weights, &name, &mut uvs)?;
             let uvs: Vec<Vec2> = uvs.into_iter().map(Vec2::from).collect();
             pad(&mut corners.uv_sets, set + 1, Vec::new());
             pad(&mut corners.uv_sets[set], before, Vec2::ZERO);
@@ -615,14 +617,24 @@ impl Attributes<'_> {
     }
 
     /// Linear RGBA from three or four numbers; integers are always fractions.
-    fn read_colors(&self, document: &Document) -> Result<Option<Vec<Vec4>>> {
-        const EXPECTED: &str = "three or four floats or integers";
+    fn read_colors(&self, document: &Document, weights: &[f64]) -> Result<Option<Vec<Vec4>>> {
         let Some(reader) = self.reader(document, "COLOR_0")? else { return Ok(None) };
         let opaque = |rgb| Vec3::from(rgb).extend(1.0);
         Ok(Some(match reader.width {
-            3 => reader.read_floats("COLOR_0", EXPECTED, true)?.into_iter().map(opaque).collect(),
-            _ => reader.read_floats("COLOR_0", EXPECTED, true)?.into_iter().map(Vec4::from_array).collect(),
+            3 => self.morphed_colors(document, &reader, weights)?.into_iter().map(opaque).collect(),
+            _ => self.morphed_colors(document, &reader, weights)?.into_iter().map(Vec4::from_array).collect(),
         }))
+    }
+
+    fn morphed_colors<const N: usize>(
+        &self,
+        document: &Document,
+        reader: &Reader,
+        weights: &[f64],
+    ) -> Result<Vec<[f32; N]>> {
+        let mut colors = reader.read_floats("COLOR_0", COLORS, true)?;
+        morph(document, (self.primitive, self.label), weights, "COLOR_0", &mut colors)?;
+        Ok(colors)
     }
 
     /// From one value per vertex to one per corner.

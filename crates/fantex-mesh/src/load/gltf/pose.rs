@@ -11,6 +11,9 @@ use super::{Document, get};
 /// Morph targets whose weight is not zero; more would be work without end for a few letters of JSON.
 const MAX_TARGETS: usize = 256;
 
+/// What colours of vertices are made of.
+pub(super) const COLORS: &str = "three or four floats or integers";
+
 /// Where the vertices of a primitive stand.
 pub(super) enum Placement {
     /// World from mesh.
@@ -115,7 +118,7 @@ pub(super) fn world_from_bind(
     Ok(Some(found))
 }
 
-/// Adds the morph targets of an attribute to its values, by their weights.
+/// Adds the morph targets of an attribute to its values, by their weights. Colours end between 0 and 1.
 pub(super) fn morph<const N: usize>(
     document: &Document,
     (primitive, label): (&Primitive, &str),
@@ -128,14 +131,34 @@ pub(super) fn morph<const N: usize>(
         let sentence = format!("{label} has more than {MAX_TARGETS} morph targets that have weights");
         return Err(Error::too_large(sentence));
     }
+    let kind = name.split('_').next();
+    let mut is_morphed = false;
     for (target, &weight) in targets {
         let Some(&accessor) = target.get(name) else { continue };
         let reader = Reader::new(document, accessor, label)?;
         check_count(label, &format!("the morph target's {name}"), reader.count(), values.len())?;
-        let steps = reader.read_floats::<3>(name, "three floats or integers", false)?;
-        for (value, step) in values.iter_mut().zip(steps) {
-            value.iter_mut().zip(step).for_each(|(value, step)| *value += weight as f32 * step);
+        let weight = weight as f32;
+        match kind {
+            Some("TEXCOORD") => {
+                add(values, reader.read_floats::<2>(name, "two floats or integers", false)?, weight);
+            }
+            Some("COLOR") if reader.width == 4 => {
+                add(values, reader.read_floats::<4>(name, COLORS, true)?, weight);
+            }
+            Some("COLOR") => add(values, reader.read_floats::<3>(name, COLORS, true)?, weight),
+            _ => add(values, reader.read_floats::<3>(name, "three floats or integers", false)?, weight),
         }
+        is_morphed = true;
+    }
+    if is_morphed && kind == Some("COLOR") {
+        values.iter_mut().flatten().for_each(|value| *value = value.clamp(0.0, 1.0));
     }
     Ok(())
+}
+
+/// Adds the steps of a morph target to the numbers of an attribute that it has.
+fn add<const N: usize, const STEPS: usize>(values: &mut [[f32; N]], steps: Vec<[f32; STEPS]>, weight: f32) {
+    for (value, step) in values.iter_mut().zip(steps) {
+        value.iter_mut().zip(step).for_each(|(value, step)| *value += weight * step);
+    }
 }
