@@ -343,8 +343,17 @@ pub fn sync_folder(folder: &Path) -> Result<()> {
     if !cfg!(unix) {
         return Ok(());
     }
-    let synced = File::open(folder).and_then(|folder| folder.sync_all());
-    synced.map_err(|error| Error::writing(folder, error))
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        Err(error) if !is_without_sync(&error) => Err(Error::writing(folder, error)),
+        _ => Ok(()),
+    }
+}
+
+/// The folder may be written to and not be listed, or its file system (of a network, by FUSE) knows nothing of the kind. The files have their
+/// names all the same.
+fn is_without_sync(error: &io::Error) -> bool {
+    use io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
+    matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported)
 }
 
 /// Removes a file, if it is there.
@@ -491,6 +500,14 @@ mod tests {
         assert_eq!(std::fs::read(at("loop")).unwrap(), b"new");
         let names = |folder: &Path| folder.read_dir().unwrap().count();
         assert_eq!([names(folder.path()), names(&at("below"))], [4, 3], "nothing else is left");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn folders_that_cannot_be_made_durable_are_told_from_those_that_fail() {
+        // EACCES, EINVAL, EOPNOTSUPP; EIO, ENOSPC.
+        let is_without = |number| is_without_sync(&io::Error::from_raw_os_error(number));
+        assert_eq!([13, 22, 95, 5, 28].map(is_without), [true, true, true, false, false]);
     }
 
     #[test]

@@ -182,6 +182,33 @@ impl Bench {
         }
     }
 
+    /// Where only the folder cannot be made durable, the index is there, and so is what it names.
+    fn leave_worlds_whole(&self) {
+        let (model, asset) = (self.path("in").join("cube.ply"), self.path("in").join("near.fan"));
+        succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
+        succeeds(&[&"preview", &asset, &"--triangles", &"4", &"--texels", &"1k"]);
+        let case = whole("world OUT/w.fanworld OUT/a.fan OUT/b.fan --make-coarse");
+        let (out, mut with_index) = (self.path("out"), 0);
+        // The first two are those of the coarse asset.
+        for number in 3.. {
+            std::fs::remove_dir_all(&out).unwrap();
+            std::fs::create_dir(&out).unwrap();
+            for name in ["a.fan", "b.fan"] {
+                std::fs::copy(&asset, out.join(name)).unwrap();
+            }
+            let output = self.run(&case, &format!("sync:{number}"));
+            let index = out.join("w.fanworld");
+            if index.exists() {
+                with_index += 1;
+                succeeds(&[&"verify", &index]);
+            }
+            if output.status.success() {
+                break;
+            }
+        }
+        assert!(with_index > 1, "the folder of the index was made durable");
+    }
+
     /// Ends a command at each of its first syncs: it has done nothing, or all and says so.
     fn interrupt(&self, case: &Case<'_>, syncs: u64) {
         let out = self.path("out");
@@ -210,6 +237,7 @@ fn no_output_is_lost_where_the_first_write_fails() {
     let cases = CASES.iter().filter(|case| !case.arguments.starts_with("demo"));
     cases.for_each(|case| bench.attack(case, 1..2));
     bench.interrupt(&whole("paint IN/bottle.fan --replay IN/strokes.json -o OUT/a.fan"), 5);
+    bench.leave_worlds_whole();
 }
 
 /// Encoders of PNG write the end of the file when they are dropped.

@@ -131,11 +131,17 @@ fn put_index(
     index: &Path,
     world: &World,
     replace: &Replace,
-    made: Option<&mut MadeCoarse>,
+    mut made: Option<&mut MadeCoarse>,
     progress: &dyn Progress,
 ) -> Result<()> {
     let target = Target::new(index)?;
-    world.write(target.file())?;
+    let written = world.write(target.file());
+    // Where only the folder cannot be made durable, the index is there, with what it names.
+    let is_there = || std::fs::read(index).is_ok_and(|there| world.to_bytes().is_ok_and(|new| new == there));
+    if let Some(made) = made.as_deref_mut().filter(|_| written.is_err() && is_there()) {
+        made.keep();
+    }
+    written?;
     let Some(object) = target.object() else { return Ok(()) };
     let put = object.put(target.file(), replace, &|done, total| watched(&CancelOnly(progress), done, total));
     let Err(error) = put else { return Ok(()) };
