@@ -9,7 +9,9 @@ use fantex_texture::{
 };
 use glam::Vec3;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Value};
 
 use super::{CoordinatesTable, FileName, Input};
 
@@ -275,7 +277,8 @@ parameters! {
     pub struct PlacedTable {
         /// The texture; its own place is within this one.
         pub texture: Input = Input::Number(0.0),
-        /// Where it lies, in world units.
+        /// Where it lies, in world units where `unit` is left out.
+        #[serde(deserialize_with = "in_world_units")]
         pub place: Place = Place { unit: PlaceUnit::World, ..Place::default() },
     }
 
@@ -332,6 +335,13 @@ pub enum WrapTable {
     Both(Wrap),
     /// Along u and along v.
     Each([Wrap; 2]),
+}
+
+/// A place whose unit is the world's, unless it has one: what keys leave out is otherwise that of patterns.
+fn in_world_units<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Place, D::Error> {
+    let mut place = Map::deserialize(deserializer)?;
+    place.entry("unit").or_insert_with(|| "world".into());
+    serde_json::from_value(Value::Object(place)).map_err(D::Error::custom)
 }
 
 impl WrapTable {

@@ -105,6 +105,22 @@ fn places_move_scale_and_animate_patterns() {
     assert!(is_even(", move = [1, 0, 0]", 1.5, 1.0) && !is_even(", move = [1, 0, 0]", 0.5, 1.0));
 }
 
+#[test]
+fn what_is_placed_anew_keeps_the_unit_of_the_world() {
+    let waves = |place: &str, x: f32| {
+        let text = format!(
+            "[textures.waves]\nkind = \"sines\"\nwaves = [{{ length = 3.7 }}]\nplace = {{ unit = \"world\" }}\n\
+             [textures.t]\nkind = \"placed\"\ntexture = \"waves\"\n{place}\n"
+        );
+        value(&text, Vec3::X * x, 0.0).x
+    };
+    let expected = waves("", 1.0);
+    for (place, x) in [("place = {}", 1.0), ("place = { center = [0.5, 0, 0] }", 1.5)] {
+        assert!((waves(place, x) - expected).abs() < 1e-5, "{place}");
+    }
+    assert!((waves("place = { unit = \"model\" }", 1.0) - expected).abs() > 0.01);
+}
+
 /// Faces of bricks and cubes are those of the placed pattern, whichever way the surface lies in the object.
 #[test]
 fn placed_walls_turn_with_their_place() {
