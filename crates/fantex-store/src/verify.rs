@@ -91,7 +91,7 @@ pub fn verify(path: &Path, options: &VerifyOptions) -> Result<VerifyReport> {
 pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport {
     let damage = check_clusters(asset);
     // A large tile may have pages in several clusters.
-    let damaged_tiles: BTreeSet<_> = damage.iter().flat_map(|d| &d.tiles).collect();
+    let damaged_tiles = damage.iter().flat_map(|d| &d.tiles).collect::<BTreeSet<_>>().len() as u64;
     let cache = PageCache::new(Arc::clone(asset), options.memory_bytes);
     let continuity = certify(&cache);
     // In the place of what is damaged coarser levels would be read.
@@ -100,7 +100,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     let sentences = damage.iter().map(|d| d.what.clone()).chain(unread.iter().map(ToString::to_string));
     let mut report = VerifyReport {
         ok: false,
-        damaged_tiles: damaged_tiles.len() as u64,
+        damaged_tiles,
         first_damage: sentences.take(16).collect(),
         damaged_headers: asset.damaged_headers(),
         damaged_attachments: unread.len() as u64,
