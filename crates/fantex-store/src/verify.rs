@@ -97,7 +97,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     // In the place of what is damaged coarser levels would be read.
     let texels = (options.texels && damage.is_empty()).then(|| check_texels(&cache));
     let unread = check_attachments(asset);
-    let sentences = damage.iter().map(|d| d.what.clone()).chain(unread.iter().map(ToString::to_string));
+    let sentences = damage.into_iter().map(|d| d.what).chain(unread.iter().map(ToString::to_string));
     let mut report = VerifyReport {
         ok: false,
         damaged_tiles,
