@@ -287,7 +287,7 @@ parameters! {
         /// In which direction it grows, object space.
         #[serde(with = "List3")]
         pub direction: Vec3 = Vec3::Y,
-        /// Where it is 0; without it, heights run from 0 to 1 over the model.
+        /// Where it is 0; without it, heights run from 0 to 1 over the model's bounding box.
         pub origin: Option<[f32; 3]> = None,
         /// World units of 1; only with `origin`.
         #[schemars(extend("exclusiveMinimum" = 0))]
