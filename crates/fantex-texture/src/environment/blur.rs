@@ -23,6 +23,9 @@ const MAX_WIDTH: f32 = 0.4;
 /// Most of a node's width, radians: the cosine changes over the hemisphere, however wide the lobe is.
 const MAX_RADIANS: f32 = 0.25;
 
+/// Least side of cubes that are made of other maps.
+const MIN_CUBE_SIDE: u32 = 16;
+
 /// A node's light.
 #[derive(Clone, Copy, Default)]
 struct Lump {
@@ -44,7 +47,7 @@ impl Lump {
             sum.steradians += lump.steradians;
             sum.power += lump.power;
         }
-        sum.middle = sum.middle.normalize();
+        sum.middle = sum.middle.normalize_or_zero();
         sum.light = sum.light.normalize_or(sum.middle);
         sum
     }
@@ -141,8 +144,10 @@ pub(super) struct LightTree {
 
 impl LightTree {
     pub(super) fn new(map: &EnvironmentMap) -> Self {
-        // Texels of discs are of many shapes.
-        let cube = map.form().is_disc().then(|| map.to_cube());
+        // Texels of discs are of many shapes, and those of tiny maps too few: a normal might see none.
+        let is_made_cube = map.form().is_disc() || width(map.level(0)) > MAX_RADIANS;
+        let cube =
+            is_made_cube.then(|| map.converted(EnvironmentForm::Cube, map.side_as_cube().max(MIN_CUBE_SIDE)));
         let map = cube.as_ref().unwrap_or(map);
         let levels = (0..map.level_count()).map(|level| map.level(level));
         let leaves = levels.clone().find(|level| width(level) >= MIN_RADIANS).or(levels.last());

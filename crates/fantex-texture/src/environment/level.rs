@@ -357,11 +357,6 @@ impl EnvironmentMap {
         })
     }
 
-    /// The same light as a cube: itself where it is one, else with sides that resolve about as much.
-    pub fn to_cube(&self) -> Self {
-        self.converted(EnvironmentForm::Cube, self.side_as_cube())
-    }
-
     /// Texels along a face of a cube that resolves about as much.
     pub(super) fn side_as_cube(&self) -> u32 {
         let [width, height] = self.chart_size();

@@ -404,12 +404,16 @@ fn mirrors_show_the_map_itself() {
 
 #[test]
 fn even_surroundings_are_reflected_evenly() {
-    let map = EnvironmentMap::from_function(EnvironmentForm::Cube, 64, |_, _| Vec3::splat(0.7));
-    let environment = PrefilteredEnvironment::new(Arc::new(map));
-    for d in sphere(50) {
-        for roughness in [0.0, 0.03, 0.125, 0.3, 0.77, 1.0, 7.0, f32::NAN] {
-            let value = environment.reflected(d, [Vec3::X * 0.1; 2], roughness);
-            assert!((value - 0.7).abs().max_element() < 1e-4, "{roughness}: {value}");
+    for (form, side) in EnvironmentForm::ALL.into_iter().flat_map(|form| [1, 2, 64].map(|side| (form, side)))
+    {
+        let map = EnvironmentMap::from_function(form, side, |_, _| Vec3::splat(0.7));
+        let environment = PrefilteredEnvironment::new(Arc::new(map));
+        for d in sphere(50).chain(Vec3::AXES).chain(Vec3::AXES.map(|axis| -axis)) {
+            for roughness in [0.0, 0.03, 0.125, 0.3, 0.77, 1.0, 7.0, f32::NAN] {
+                let value = environment.reflected(d, [Vec3::X * 0.1; 2], roughness);
+                let error = (value - 0.7).abs().max_element();
+                assert!(error < 1e-4, "{form:?} of {side}, {roughness}: {value}");
+            }
         }
     }
 }
