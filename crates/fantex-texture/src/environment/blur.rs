@@ -105,11 +105,13 @@ impl Generation {
     fn bounds(&self, radius: f32, alpha: f32) -> Bounds {
         // Directions turn by twice the angle of the facets.
         let distance = self.width / MAX_WIDTH - 2.0 * alpha;
-        let least = (distance > 0.0).then(|| distance + radius);
-        let whole = match least {
-            _ if self.width > MAX_RADIANS => f32::NEG_INFINITY,
-            Some(least) => 1.0 - 0.5 * least * least,
-            None => f32::INFINITY,
+        let whole = if self.width > MAX_RADIANS {
+            f32::NEG_INFINITY
+        } else if distance > 0.0 {
+            let least = distance + radius;
+            1.0 - 0.5 * least * least
+        } else {
+            f32::INFINITY
         };
         // Half a diagonal is less than three quarters of the width.
         Bounds { horizon: -(radius + 0.75 * self.width), whole }
@@ -149,9 +151,9 @@ impl LightTree {
         let cube =
             is_made_cube.then(|| map.converted(EnvironmentForm::Cube, map.side_as_cube().max(MIN_CUBE_SIDE)));
         let map = cube.as_ref().unwrap_or(map);
-        let levels = (0..map.level_count()).map(|level| map.level(level));
-        let leaves = levels.clone().find(|level| width(level) >= MIN_RADIANS).or(levels.last());
-        let mut generations: Vec<_> = leaves.map(Generation::leaves).into_iter().collect();
+        let last = map.level_count() - 1;
+        let finest = (0..=last).find(|&level| width(map.level(level)) >= MIN_RADIANS).unwrap_or(last);
+        let mut generations = vec![Generation::leaves(map.level(finest))];
         while let Some(below) = generations.last().filter(|below| below.size != [1, 1]) {
             generations.push(below.parents());
         }
