@@ -127,7 +127,7 @@ struct Bounds {
     whole: f32,
 }
 
-/// More than halve the largest map to one texel.
+/// Enough to halve the largest map down to one texel.
 const MAX_GENERATIONS: usize = 32;
 
 /// The widest texel of a cube's or sphere's level, radians.
