@@ -4,8 +4,9 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
-/// One sample per pixel, trilinear.
-pub(crate) const QUICK_SETTINGS: &str = r#"{ "display": { "samples": 1, "anisotropy": 1 } }"#;
+/// One sample per pixel, trilinear, without shadows: these are most of what software adapters draw.
+pub(crate) const QUICK_SETTINGS: &str =
+    r#"{ "display": { "samples": 1, "anisotropy": 1 }, "light": { "has_shadows": false } }"#;
 
 /// A running Xvfb; it ends with the value.
 pub(crate) struct Display {
