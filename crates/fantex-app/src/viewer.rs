@@ -5,6 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use eframe::egui::Modifiers;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
 use fantex::paint::PaintOptions;
@@ -129,8 +130,8 @@ pub struct SceneInput {
     pub middle_drag: DVec2,
     /// What the pen (or the first button) did, in order.
     pub pen: Vec<PenEvent>,
-    /// Whether Shift and Alt are held.
-    pub modifiers: [bool; 2],
+    /// Keys that are held beside.
+    pub modifiers: Modifiers,
     /// Whether the modifier that turns the sun is held.
     pub turns_sun: bool,
     /// Whether the key is held with which drags change the brush.

@@ -30,10 +30,10 @@ use rayon::prelude::*;
 use crate::bake::Meter;
 use crate::light::{NoisyLight, REACH_TEXELS};
 use crate::raster::{Fitting, Overshoot, StoredRows, is_block_read, mean, texels_around};
-use crate::{
-    BakeFormat, BakeOptions, Fit, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane,
-    clear_what_is_no_number,
-};
+use crate::{BakeFormat, BakeOptions, LightMapSource, Source, SourceChannel, TexelPoint, TrianglePlane};
+use evaluation::Evaluation;
+
+mod evaluation;
 
 /// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
 const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
@@ -177,86 +177,12 @@ impl TileBaker<'_> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
-        let mut raster = self.empty_raster(block.extent).with_cut_outs(cut_outs);
-        let channels = self.plans.len();
-        let at_once = self.source.points_at_once();
-        let (mut points, mut texels) = (Vec::with_capacity(at_once), Vec::with_capacity(at_once));
-        let mut values = Vec::with_capacity(at_once * channels);
-        let mut hidden = Vec::new();
-        let light = self.source.light_map();
         let smooth =
             self.noisy_light().map(|light| self.smooth_light(light, &footprints, block)).transpose()?;
-        let mut evaluate = |points: &mut Vec<TexelPoint>, texels: &mut Vec<u32>| -> Result<()> {
-            self.meter.check()?;
-            // Sources that have nothing to say about a point leave zeros, not what was there before.
-            values.clear();
-            values.resize(points.len() * channels, Vec4::ZERO);
-            let known: Option<Vec<Option<Vec3>>> = match (light, &smooth) {
-                (None, _) => None,
-                (Some(_), Some(smooth)) => Some(texels.iter().map(|&texel| smooth[texel as usize]).collect()),
-                (Some(light), None) => {
-                    let noisy = points.iter().map(|point| light.noisy(point, || self.meter.check()));
-                    Some(noisy.collect::<Result<_>>()?)
-                }
-            };
-            if self.options.fit == Fit::Point {
-                points.iter_mut().for_each(narrow);
-            }
-            match &known {
-                None if self.source.has_slow_points() => {
-                    for (point, values) in points.iter().zip(values.chunks_mut(channels)) {
-                        self.meter.check()?;
-                        self.source.evaluate(point, values);
-                    }
-                }
-                None => self.source.evaluate_all(points, &mut values),
-                Some(known) => {
-                    let light: Vec<Vec3> = known.iter().map(|light| light.unwrap_or_default()).collect();
-                    self.source.evaluate_lit(points, &light, &mut values);
-                }
-            }
-            clear_what_is_no_number(&mut values);
-            self.turn_vectors(group, points, &mut values);
-            if channels == 1 {
-                for (&texel, &value) in texels.iter().zip(&values) {
-                    (raster.values[texel as usize], raster.valid[texel as usize]) = (value, true);
-                }
-            } else {
-                // Texels that follow one another are copied together.
-                let mut values = values.as_slice();
-                for run in texels.chunk_by(|before, after| before + 1 == *after) {
-                    let (first, of_run) = (run[0] as usize, run.len() * channels);
-                    let own;
-                    (own, values) = values.split_at(of_run);
-                    raster.values[first * channels..][..of_run].copy_from_slice(own);
-                    raster.valid[first..][..run.len()].fill(true);
-                }
-            }
-            for (&texel, light) in texels.iter().zip(known.iter().flatten()) {
-                if light.is_none() {
-                    raster.valid[texel as usize] = false;
-                    hidden.push(texel);
-                }
-            }
-            if !cut_outs.is_empty() {
-                for (&texel, point) in texels.iter().zip(points.iter()) {
-                    let mode = self.alpha_mode(point.at.triangle);
-                    raster.set_alpha_mode(texel as usize, mode);
-                }
-            }
-            points.clear();
-            texels.clear();
-            Ok(())
-        };
-        self.for_each_point(&footprints, block, |texel, point| {
-            points.push(point);
-            texels.push(texel);
-            match texels.len() < at_once {
-                true => Ok(()),
-                false => evaluate(&mut points, &mut texels),
-            }
-        })?;
-        evaluate(&mut points, &mut texels)?;
+        let raster = self.empty_raster(block.extent).with_cut_outs(cut_outs);
+        let mut evaluation = Evaluation::new(self, group, raster, smooth);
+        self.for_each_point(&footprints, block, |texel, point| evaluation.add(texel, point))?;
+        let (mut raster, hidden) = evaluation.finish()?;
         let extent = self.cover.groups[group as usize].extent;
         let read = footprints.read_blocks(block, extent, self.cover.delta);
         raster.read = footprints.in_region;

@@ -38,7 +38,7 @@ pub use bits::bits;
 pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use json_problem::json_problem;
-pub use random::{Random, mix64};
+pub use random::Random;
 pub use text::{counted, grouped, numbered, percent, uri_escaped};
 pub use union_find::UnionFind;
 pub use vectors::vector_level;

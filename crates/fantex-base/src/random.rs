@@ -49,7 +49,7 @@ impl Random {
 
 /// The output function of SplitMix64: a bijection whose bits each depend on all bits of the argument.
 #[inline]
-pub fn mix64(x: u64) -> u64 {
+fn mix64(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     x ^ (x >> 31)

@@ -1,6 +1,5 @@
 //! Building the cover of a mesh.
 
-use std::cell::Cell;
 use std::time::Instant;
 
 use fantex_base::{Error, Result, counted, input};
@@ -8,18 +7,17 @@ use fantex_mesh::{
     FanCorner, Fans, HardEdges, MAX_FAN_TRIANGLES, Mesh, VertexCorners, check_hard_edges, is_crease,
     shading_normals,
 };
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::cost::Region;
 use crate::fan_shape::{FanShape, Layout};
 use crate::fan_tiles::{fan_groups, lay_fans};
-use crate::flatten::Laid;
 use crate::groups::{GroupLimits, Grouping, expect_groups, group_fans};
 use crate::nominal::NominalDensity;
+use crate::sizing::{SizedCover, Sizing};
 use crate::surface::{Ring, Surface};
 use crate::watch::{Watch, time};
-use crate::{Cover, CoverStats, Group, GroupKind, MAX_BLOCK_SIDE, UnfoldedCorner};
+use crate::{Cover, CoverStats};
 
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
@@ -126,41 +124,9 @@ pub fn build_cover_while(
     let unfolded = grouping.laid.iter().filter(|laid| laid.layout == Layout::Unfolded);
     stats.fans.unfolded = unfolded.map(|laid| u64::from(laid.fans)).sum();
     stats.fans.projected = stats.fans.total - stats.fans.unfolded;
-    let mean = density.mean(&surface);
+    let sizing = Sizing::new(&surface, &grouping, density.mean(&surface), options, &watch);
     watch.begin_last()?;
-    // Whatever the scale, corners have the same groups.
-    let known_corner_groups = Cell::new(Vec::new());
-    let assembled = |scales| {
-        watch.check()?;
-        let corner_groups = known_corner_groups.take();
-        assemble(&surface, &grouping, corner_groups, scales, (mean * scales.scale, options.delta))
-    };
-    let sized = |scales: Scales| {
-        let cover = assembled(scales)?;
-        // Of many groups mostly one size is tried, of few ones two; then the cover is measured.
-        watch.add_half();
-        Ok(Sized { texels: cover.stored_texels(mesh), cover, scale: scales.scale })
-    };
-    // What single fans store is foretold well enough.
-    let counted = |scales: Scales| match options.tile {
-        0 => Ok(None),
-        _ => {
-            let cover = assembled(scales)?;
-            let counted = cover.stored_texels_of_some(mesh);
-            known_corner_groups.set(cover.corner_groups);
-            Ok(counted)
-        }
-    };
-    let Sized { mut cover, texels, scale } = match options.budget {
-        TexelBudget::Total(texels) => sized_to_total(&grouping.laid, texels, counted, sized)?,
-        _ => {
-            let found = sized(Scales::all(1.0))?;
-            match options.most_texels {
-                Some(most) if found.texels > most => sized_to_total(&grouping.laid, most, counted, sized)?,
-                _ => found,
-            }
-        }
-    };
+    let SizedCover { mut cover, texels, scale } = sizing.to_budget()?;
     (cover.is_creased, cover.hard_edges) = (options.cut_creases, options.hard_edges);
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
     stats.measure(&surface, &cover, texels, |t| density.of_triangle(t) * scale);
@@ -275,279 +241,4 @@ pub(crate) fn shape_fans(surface: &Surface<'_>, watch: &Watch<'_>) -> Vec<FanSha
         FanShape::of(ring, surface, fan)
     };
     (0..surface.fans.len()).into_par_iter().with_min_len(1024).map_init(Ring::default, shape).collect()
-}
-
-/// Tile extents for regions of a size in nominal texels.
-fn extent(texels: Vec2, scale: f32) -> [u32; 2] {
-    (texels * scale).to_array().map(side_texels)
-}
-
-/// A cover with all densities times a factor.
-struct Sized {
-    cover: Cover,
-    /// Stored texels.
-    texels: u64,
-    scale: f32,
-}
-
-/// Factors of the densities: one for all groups but the first `raised`, which have a larger one.
-#[derive(Clone, Copy, Debug)]
-struct Scales {
-    scale: f32,
-    raised: usize,
-    raised_scale: f32,
-}
-
-impl Scales {
-    fn all(scale: f32) -> Self {
-        Self { scale, raised: 0, raised_scale: scale }
-    }
-
-    fn of(&self, group: usize) -> f32 {
-        if group < self.raised { self.raised_scale } else { self.scale }
-    }
-}
-
-/// The cover that stores `texels`, within a percent and not more, as far as rounding allows. `sized` makes covers; what they store is
-/// known nearly before, and better by what `counted` [finds](Cover::stored_texels_of_some) of some groups.
-fn sized_to_total(
-    laid: &[Laid],
-    texels: u64,
-    counted: impl Fn(Scales) -> Result<Option<(u64, usize)>>,
-    sized: impl Fn(Scales) -> Result<Sized>,
-) -> Result<Sized> {
-    let mut scale = scale_to_total(laid, texels);
-    if let Some((stored, step)) = counted(Scales::all(scale))? {
-        let expected: u64 =
-            laid.iter().step_by(step).map(|l| expected_texels(l.region.scaled(l.density), scale)).sum();
-        let wanted = AIMED_SHARE * texels as f64 * expected as f64 / stored.max(1) as f64;
-        scale = scale_to_total(laid, wanted as u64);
-    }
-    let mut best = sized(Scales::all(scale))?;
-    let (mut low, mut high) = (0.0, f32::INFINITY);
-    let mut reached = best.texels;
-    for _ in 1..MAX_TRIALS {
-        if reached > texels {
-            high = scale
-        } else {
-            low = scale
-        }
-        let ratio = texels as f64 / reached.max(1) as f64;
-        if (1.0..1.01).contains(&ratio) || high < low * SCALE_TOLERANCE {
-            break;
-        }
-        // Texels grow nearly with the square of the scale.
-        let guess = scale * (ratio * AIMED_SHARE).sqrt() as f32;
-        scale = if guess > low && guess < high { guess } else { (low * high).sqrt() };
-        if !(scale.is_finite() && scale > 0.0) {
-            break;
-        }
-        let found = sized(Scales::all(scale))?;
-        reached = found.texels;
-        let [is_in, was_in] = [reached, best.texels].map(|n| n <= texels);
-        if if is_in { !was_in || reached > best.texels } else { !was_in && reached < best.texels } {
-            best = found;
-        }
-    }
-    // Where many tiles are alike all of them grow at once; then only some do.
-    let (scale, mut counts) = (best.scale, [0, laid.len()]);
-    for _ in 0..MAX_TRIALS {
-        let middle = (counts[0] + counts[1]) / 2;
-        let is_near = best.texels as f64 > 0.99 * texels as f64;
-        if best.texels > texels || is_near || !high.is_finite() || middle == counts[0] {
-            break;
-        }
-        let found = sized(Scales { scale, raised: middle, raised_scale: high })?;
-        counts[usize::from(found.texels > texels)] = middle;
-        if found.texels <= texels && found.texels > best.texels {
-            best = found;
-        }
-    }
-    Ok(best)
-}
-
-/// Sizes tried for a total, at most, and then numbers of larger tiles; mostly two in all.
-const MAX_TRIALS: usize = 8;
-
-/// Aims a little below the total.
-const AIMED_SHARE: f64 = 0.996;
-
-/// The factor of all densities with which the tiles store `texels` together, nearly.
-fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
-    let regions: Vec<Region> =
-        laid.par_iter().with_min_len(1 << 12).map(|l| l.region.scaled(l.density)).collect();
-    let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
-    if texels <= MIN_TILE_TEXELS * regions.len() as u64 {
-        // The smallest tiles alone exceed the budget; they are at least used to the full.
-        let longest =
-            regions.par_iter().with_min_len(1 << 12).map(|r| r.size.max_element()).reduce(|| 0.0, f32::max);
-        return (MAX_LENGTH_IN_MIN_TILE / longest).clamp(low, high);
-    }
-    let total = |scale: f32| -> u64 {
-        regions.par_iter().with_min_len(1 << 12).map(|&region| expected_texels(region, scale)).sum()
-    };
-    // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
-    let mut scale = 1.0f32;
-    for step in 0..16 {
-        let reached = total(scale);
-        if reached <= texels {
-            low = low.max(scale)
-        } else {
-            high = high.min(scale)
-        }
-        if high < low * SCALE_TOLERANCE {
-            break;
-        }
-        let guess = scale
-            * (texels as f64 / reached as f64).sqrt() as f32
-            * if step % 2 == 0 { 1.0005 } else { 0.9995 };
-        let middle = 0.5 * (low + high);
-        scale = if step < 8 && guess > low && guess < high { guess } else { middle };
-    }
-    low
-}
-
-/// Texels that a tile stores, nearly, for a region in nominal texels.
-fn expected_texels(region: Region, scale: f32) -> u64 {
-    let [w, h] = extent(region.size, scale).map(u64::from);
-    (w * h).min(region.scaled(Vec2::splat(scale)).block_texels() as u64)
-}
-
-/// Relative tolerance of the search for the scale.
-const SCALE_TOLERANCE: f32 = 1.0005;
-
-/// A cover with the groups of corners, which are found if none are given.
-fn assemble(
-    surface: &Surface<'_>,
-    grouping: &Grouping,
-    mut corner_groups: Vec<[u32; 3]>,
-    scales: Scales,
-    (density, delta): (f32, f32),
-) -> Result<Cover> {
-    let laid = &grouping.laid;
-    let longest = laid
-        .par_iter()
-        .enumerate()
-        .map(|(group, l)| (l.region.size * l.density).max_element() * scales.of(group))
-        .reduce(|| 0.0, f32::max);
-    if longest + 1.0 > MAX_EXTENT as f32 {
-        let wanted = (longest + 1.0) as u64;
-        return Err(Error::too_large(format!(
-            "a tile would need {wanted} texels along one side, the limit is {MAX_EXTENT}: ask for fewer texels, or cut the triangles \
-             (--longest-edge does so where the surface bends; large flat ones are to be subdivided in the model)"
-        )));
-    }
-    let placed = |(group, laid): (usize, &Laid)| place(laid, scales.of(group));
-    let groups: Vec<Group> = laid.par_iter().enumerate().with_min_len(1 << 10).map(placed).collect();
-    let mut unfolded: Vec<UnfoldedCorner> = laid
-        .par_iter()
-        .zip(&groups)
-        .filter(|(laid, _)| laid.layout == Layout::Unfolded)
-        .flat_map_iter(|(laid, group)| {
-            let corners = laid.corners.iter();
-            let corners = corners.map(|&(corner, planar)| UnfoldedCorner {
-                corner,
-                uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
-            });
-            rounded(corners.collect(), group.extent)
-        })
-        .collect();
-    unfolded.par_sort_unstable_by_key(|u| u.corner);
-    let unfolded = unfolded.into();
-    if corner_groups.is_empty() {
-        let groups_of = |t: usize| {
-            let [a, b, c] = surface.fans.of_triangle(t);
-            let group = |fan: u32| grouping.fan_groups[fan as usize];
-            [group(a), group(b), group(c)]
-        };
-        let triangles = (0..surface.mesh.triangles.len()).into_par_iter().with_min_len(1 << 12);
-        corner_groups = triangles.map(groups_of).collect();
-    }
-    let is_paired_by_angle = surface.fans.has_links_by_angle();
-    let (is_creased, hard_edges) = (false, None);
-    Ok(Cover { delta, density, is_creased, hard_edges, is_paired_by_angle, corner_groups, groups, unfolded })
-}
-
-/// The corners of an unfolded group in [whole steps](UnfoldedCorner::steps), which pack well, unless that turns a triangle over or makes it a line.
-fn rounded(mut corners: Vec<UnfoldedCorner>, extent: [u32; 2]) -> Vec<UnfoldedCorner> {
-    let steps = UnfoldedCorner::steps(extent);
-    let whole = |uv: [Vec2; 3]| uv.map(|uv| (uv * steps).round() / steps);
-    let is_upright = |[a, b, c]: [Vec2; 3]| (b - a).perp_dot(c - a) > 0.0;
-    if corners.iter().all(|corner| is_upright(whole(corner.uv)) || !is_upright(corner.uv)) {
-        corners.iter_mut().for_each(|corner| corner.uv = whole(corner.uv));
-    }
-    corners
-}
-
-/// The tile map that takes the group's rectangle to the tile, half a texel inside.
-fn place(laid: &Laid, scale: f32) -> Group {
-    let extent = extent(laid.region.size * laid.density, scale);
-    let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
-    // A rectangle thinner than the nominal density can tell (a point, a line) is not blown up to the tile's size.
-    let thinnest = 0.5 / (laid.density * scale);
-    let uv_scale = (texels - 1.0) / texels / laid.region.size.max(thinnest);
-    let middle = laid.min + 0.5 * laid.region.size;
-    let uv_offset = Vec2::splat(0.5) - uv_scale * middle;
-    let kind = match laid.layout {
-        Layout::Unfolded => GroupKind::Unfolded,
-        Layout::Projected => GroupKind::Projected,
-    };
-    Group { kind, frame: laid.frame, uv_scale, uv_offset, extent }
-}
-
-// Tile extents: how many texels a rectangle gets.
-
-/// Longest side of a tile in texels, in memory and in files.
-pub const MAX_EXTENT: u32 = 1 << 16;
-
-/// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
-const TOLERATED_LOSS: f32 = 0.06;
-
-/// Texels of the smallest tile.
-const MIN_TILE_TEXELS: u64 = 4 * 4;
-
-/// The longest region in texels, rounded down a little, that gets a side of 4 texels.
-const MAX_LENGTH_IN_MIN_TILE: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
-
-/// Sides longer than this are multiples of 32.
-const LONG_SIDE: f32 = MAX_BLOCK_SIDE as f32;
-
-/// Texels along a side whose region is `length` texels long: the region plus half a texel of filter margin at both ends,
-/// rounded to a multiple of 4. The tile map is then scaled so that the region fills the tile, whichever way the rounding
-/// went, so no texel is left over; the density of the side follows by at most the tolerated loss or the gain.
-pub(crate) fn side_texels(length: f32) -> u32 {
-    let wanted = length + 1.0;
-    if wanted > LONG_SIDE {
-        // Three levels halve exactly, so that long tiles can be baked in pieces.
-        return 32 * ((wanted / 32.0).round() as u32).min(MAX_EXTENT / 32);
-    }
-    let blocks = (wanted * 0.25) as u32;
-    let down = (4 * blocks) as f32;
-    let good = blocks >= 1 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
-    let side = if good || down == wanted { 4 * blocks } else { 4 * blocks + 4 };
-    side.clamp(4, MAX_EXTENT)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sides_are_multiples_of_four_that_hold_the_region() {
-        assert_eq!(side_texels(0.0), 4);
-        assert_eq!(side_texels(3.0), 4);
-        assert_eq!(side_texels(3.2), 8);
-        assert_eq!([1.0, 1.0001].map(|f| side_texels(f * MAX_LENGTH_IN_MIN_TILE)), [4, 8]);
-        assert_eq!(side_texels(64.0), 64);
-        assert_eq!(side_texels(127.9), 128);
-        for i in 0..10_000 {
-            let length = i as f32 * 0.037;
-            let side = side_texels(length);
-            assert!(
-                side.is_multiple_of(4)
-                    && (side - 1) as f32 >= (1.0 - TOLERATED_LOSS) * length
-                    && side as f32 <= length + 5.0
-            );
-        }
-    }
 }

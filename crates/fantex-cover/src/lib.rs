@@ -1,9 +1,9 @@
 //! The cover of a mesh by partial fans, and the texture function over it.
 //!
 //! ```text
-//!  Mesh --> fans --> fan_shape --> partition --------------> flatten --> merge --> Cover
-//!           umbrellas  project?    cuts that make tiles      direction,  groups    tile maps,
-//!                 |    unfold?     cheaper; connected        rectangle,  join      extents
+//!  Mesh --> fans --> fan_shape --> partition --------------> flatten --> merge --> sizing --> Cover
+//!           umbrellas  project?    cuts that make tiles      direction,  groups    extents,
+//!                 |    unfold?     cheaper; connected        rectangle,  join      tile maps
 //!                 |                pieces                    injective?              ^
 //!                 '--> fan_tiles (one fan per tile: all of that, fan by fan) ---------'
 //! ```
@@ -30,6 +30,7 @@ mod pack;
 mod partition;
 mod rectangle;
 mod sheet;
+mod sizing;
 mod spans;
 mod stats;
 mod stored;
@@ -46,6 +47,7 @@ pub use footprints::*;
 pub use pack::*;
 pub use rectangle::{Rectangle, RectangleFinder};
 pub use sheet::Sheet;
+pub use sizing::MAX_EXTENT;
 pub use spans::{SPAN_SLACK, span};
 pub use stats::*;
 pub use stored::StoredBlocks;

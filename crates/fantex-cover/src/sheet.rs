@@ -233,7 +233,7 @@ impl Sheet {
 
     /// Lays the border around a circle and every other point in the middle of its neighbours, which turns no triangle over (W. T. Tutte, "How
     /// to draw a graph", 1963). None where the group has holes.
-    pub fn spread_in_circle(&mut self) -> Option<()> {
+    pub(crate) fn spread_in_circle(&mut self) -> Option<()> {
         let Self { pieces, across, places, solver, .. } = self;
         let ends = |half_edge: usize| {
             let piece = &pieces[half_edge / 3];

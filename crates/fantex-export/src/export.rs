@@ -607,6 +607,20 @@ pub enum ChannelMap {
 }
 
 impl ChannelMap {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::BaseColor,
+        Self::Opacity,
+        Self::Normal,
+        Self::OcclusionRoughnessMetallic,
+        Self::Occlusion,
+        Self::Roughness,
+        Self::Metallic,
+        Self::Emission,
+        Self::Displacement,
+        Self::Light,
+    ];
+
     fn words(self) -> (ChannelKind, &'static str) {
         match self {
             Self::BaseColor => (ChannelKind::BaseColor, "base-color"),

@@ -23,6 +23,14 @@ pub(crate) enum Input {
     Node(String),
 }
 
+fn value(text: impl Into<String>) -> Input {
+    Input::Value(text.into())
+}
+
+fn node(name: impl Into<String>) -> Input {
+    Input::Node(name.into())
+}
+
 impl Node {
     /// Whether it reads a picture of colours.
     pub(crate) fn is_color(&self) -> bool {
@@ -73,38 +81,35 @@ impl Graph {
 
     /// The weights of the three fans and their sum; their names are `a0`, `a1`, `a2` and `sum`.
     fn weights(&mut self, delta: f32) {
-        let set = |name: &str| Input::Value(name.to_owned());
-        let float = |name: &str| Input::Node(name.to_owned());
-        self.add("geompropvalue", "vector2", "corner", vec![("geomprop", "string", set("st3"))]);
+        self.add("geompropvalue", "vector2", "corner", vec![("geomprop", "string", value("st3"))]);
         for (index, name) in ["0", "1"].into_iter().zip(["l0", "l1"]) {
-            let inputs = vec![("in", "vector2", float("corner")), ("index", "integer", set(index))];
+            let inputs = vec![("in", "vector2", node("corner")), ("index", "integer", value(index))];
             self.add("extract", "float", name, inputs);
         }
-        self.binary("add", "l01", float("l0"), float("l1"));
-        self.binary("subtract", "l2", set("1"), float("l01"));
+        self.binary("add", "l01", node("l0"), node("l1"));
+        self.binary("subtract", "l2", value("1"), node("l01"));
         for i in 0..3 {
             let [j, k] = [(i + 1) % 3, (i + 2) % 3];
-            self.binary("max", format!("other{i}"), float(&format!("l{j}")), float(&format!("l{k}")));
-            self.binary("subtract", format!("over{i}"), float(&format!("l{i}")), float(&format!("other{i}")));
-            self.binary("add", format!("raised{i}"), float(&format!("over{i}")), set(&delta.to_string()));
-            self.binary("max", format!("a{i}"), float(&format!("raised{i}")), set("0"));
+            self.binary("max", format!("other{i}"), node(format!("l{j}")), node(format!("l{k}")));
+            self.binary("subtract", format!("over{i}"), node(format!("l{i}")), node(format!("other{i}")));
+            self.binary("add", format!("raised{i}"), node(format!("over{i}")), value(delta.to_string()));
+            self.binary("max", format!("a{i}"), node(format!("raised{i}")), value("0"));
         }
-        self.binary("add", "a01", float("a0"), float("a1"));
-        self.binary("add", "sum", float("a01"), float("a2"));
+        self.binary("add", "a01", node("a0"), node("a1"));
+        self.binary("add", "sum", node("a01"), node("a2"));
         for (i, name) in ["st", "st1", "st2"].into_iter().enumerate() {
-            self.add("geompropvalue", "vector2", format!("uv{i}"), vec![("geomprop", "string", set(name))]);
+            self.add("geompropvalue", "vector2", format!("uv{i}"), vec![("geomprop", "string", value(name))]);
         }
     }
 
     /// The weighted mean of three look-ups in a picture.
     fn blended(&mut self, name: &str, kind: &'static str, file: &str) -> Input {
-        let node = |name: String| Input::Node(name);
         for i in 0..3 {
             let inputs = vec![
-                ("file", "filename", Input::Value(file.to_owned())),
+                ("file", "filename", value(file)),
                 ("texcoord", "vector2", node(format!("uv{i}"))),
-                ("uaddressmode", "string", Input::Value("clamp".to_owned())),
-                ("vaddressmode", "string", Input::Value("clamp".to_owned())),
+                ("uaddressmode", "string", value("clamp")),
+                ("vaddressmode", "string", value("clamp")),
             ];
             self.add("image", kind, format!("{name}{i}"), inputs);
             let inputs =
@@ -114,8 +119,7 @@ impl Graph {
         let pair = |a: String, b: String| vec![("in1", kind, node(a)), ("in2", kind, node(b))];
         self.add("add", kind, format!("{name}_two"), pair(format!("{name}_part0"), format!("{name}_part1")));
         self.add("add", kind, format!("{name}_all"), pair(format!("{name}_two"), format!("{name}_part2")));
-        let inputs =
-            vec![("in1", kind, node(format!("{name}_all"))), ("in2", "float", node("sum".to_owned()))];
+        let inputs = vec![("in1", kind, node(format!("{name}_all"))), ("in2", "float", node("sum"))];
         self.add("divide", kind, name.to_owned(), inputs)
     }
 
@@ -129,10 +133,9 @@ impl Graph {
                 continue;
             }
             let name = format!("{}_number", output.0);
-            let value = |text: &str| Input::Value(text.to_owned());
             let inputs = vec![
-                ("value1", "float", Input::Node("alpha".to_owned())),
-                ("value2", "float", value(&threshold.to_string())),
+                ("value1", "float", node("alpha")),
+                ("value2", "float", value(threshold.to_string())),
                 ("in1", "float", value("1")),
                 ("in2", "float", value("0")),
             ];
@@ -147,91 +150,87 @@ impl Graph {
     pub(crate) fn of_sheet(pictures: &PictureFiles<'_>, sheet: usize, materials: &[Material]) -> Self {
         let mut graph = Self::default();
         graph.weights(pictures.sheets.delta);
-        let mut outputs = Vec::new();
         let mut cut_outs = Vec::new();
-        let node = |name: &str| Input::Node(name.to_owned());
-        let value = |text: &str| Input::Value(text.to_owned());
         for map in &pictures.sheets.maps {
             let file = pictures.file(sheet, map);
             match map.map {
                 ChannelMap::BaseColor if map.components == 4 => {
-                    graph.blended("color_opacity", "color4", &file);
-                    for (k, name) in ["r", "g", "b", "alpha"].into_iter().enumerate() {
-                        let inputs = vec![
-                            ("in", "color4", node("color_opacity")),
-                            ("index", "integer", value(&k.to_string())),
-                        ];
-                        graph.add("extract", "float", name, inputs);
-                    }
-                    let inputs = vec![
-                        ("in1", "float", node("r")),
-                        ("in2", "float", node("g")),
-                        ("in3", "float", node("b")),
-                    ];
-                    let name = if pictures.is_exr { "associated_color" } else { "color" };
-                    graph.add("combine3", "color3", name, inputs);
-                    if pictures.is_exr {
-                        // Colours are multiplied with alpha there.
-                        graph.binary("max", "divisor", node("alpha"), value("0.0001"));
-                        let inputs = vec![("in1", "color3", node(name)), ("in2", "float", node("divisor"))];
-                        graph.add("divide", "color3", "color", inputs);
-                    }
-                    graph.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
-                    outputs.extend([("color", "color3"), ("opacity", "color3")]);
+                    graph.color_and_opacity(&file, pictures.is_exr);
                     cut_outs = graph.cut_outs(materials);
                 }
                 ChannelMap::BaseColor => {
                     graph.blended("color", "color3", &file);
-                    outputs.push(("color", "color3"));
+                    graph.output("color", "color3");
                 }
-                ChannelMap::OcclusionRoughnessMetallic => {
-                    graph.blended("orm", "vector3", &file);
-                    for (k, name) in [("1", "roughness"), ("2", "metallic")] {
-                        graph.add(
-                            "extract",
-                            "float",
-                            name,
-                            vec![("in", "vector3", node("orm")), ("index", "integer", value(k))],
-                        );
-                        outputs.push((name, "float"));
-                    }
-                }
-                ChannelMap::Normal => {
-                    graph.blended("stored_normal", "vector3", &file);
-                    let scaled =
-                        vec![("in1", "vector3", node("stored_normal")), ("in2", "float", value("2"))];
-                    graph.add("multiply", "vector3", "doubled_normal", scaled);
-                    let shifted =
-                        vec![("in1", "vector3", node("doubled_normal")), ("in2", "float", value("1"))];
-                    graph.add("subtract", "vector3", "object_normal", shifted);
-                    let inputs = vec![
-                        ("in", "vector3", node("object_normal")),
-                        ("fromspace", "string", value("object")),
-                        ("tospace", "string", value("world")),
-                    ];
-                    graph.add("transformnormal", "vector3", "turned_normal", inputs);
-                    graph.add(
-                        "normalize",
-                        "vector3",
-                        "normal",
-                        vec![("in", "vector3", node("turned_normal"))],
-                    );
-                    outputs.push(("normal", "vector3"));
-                }
-                ChannelMap::Emission => {
-                    graph.blended("emission_stored", "color3", &file);
-                    let inputs = vec![
-                        ("in1", "color3", node("emission_stored")),
-                        ("in2", "float", value(&pictures.scale(map).to_string())),
-                    ];
-                    graph.add("multiply", "color3", "emission", inputs);
-                    outputs.push(("emission", "color3"));
-                }
+                ChannelMap::OcclusionRoughnessMetallic => graph.roughness_and_metallic(&file),
+                ChannelMap::Normal => graph.normal(&file),
+                ChannelMap::Emission => graph.emission(&file, pictures.scale(map)),
                 _ => {}
             }
         }
-        let outputs = outputs.into_iter().map(|(name, kind)| (name.to_owned(), kind));
-        Self { outputs: outputs.chain(cut_outs).collect(), ..graph }
+        graph.outputs.append(&mut cut_outs);
+        graph
+    }
+
+    fn output(&mut self, name: &str, kind: &'static str) {
+        self.outputs.push((name.to_owned(), kind));
+    }
+
+    /// Colours of a picture with alpha, which in OpenEXR they are multiplied with; and the alpha, named `alpha`.
+    fn color_and_opacity(&mut self, file: &str, is_associated: bool) {
+        self.blended("color_opacity", "color4", file);
+        for (k, name) in ["r", "g", "b", "alpha"].into_iter().enumerate() {
+            let inputs =
+                vec![("in", "color4", node("color_opacity")), ("index", "integer", value(k.to_string()))];
+            self.add("extract", "float", name, inputs);
+        }
+        let inputs =
+            vec![("in1", "float", node("r")), ("in2", "float", node("g")), ("in3", "float", node("b"))];
+        let name = if is_associated { "associated_color" } else { "color" };
+        self.add("combine3", "color3", name, inputs);
+        if is_associated {
+            self.binary("max", "divisor", node("alpha"), value("0.0001"));
+            let inputs = vec![("in1", "color3", node(name)), ("in2", "float", node("divisor"))];
+            self.add("divide", "color3", "color", inputs);
+        }
+        self.add("convert", "color3", "opacity", vec![("in", "float", node("alpha"))]);
+        self.output("color", "color3");
+        self.output("opacity", "color3");
+    }
+
+    fn roughness_and_metallic(&mut self, file: &str) {
+        self.blended("orm", "vector3", file);
+        for (component, name) in [("1", "roughness"), ("2", "metallic")] {
+            let inputs = vec![("in", "vector3", node("orm")), ("index", "integer", value(component))];
+            self.add("extract", "float", name, inputs);
+            self.output(name, "float");
+        }
+    }
+
+    /// A world-space normal of one in object space that is stored as 0..1.
+    fn normal(&mut self, file: &str) {
+        self.blended("stored_normal", "vector3", file);
+        let scaled = vec![("in1", "vector3", node("stored_normal")), ("in2", "float", value("2"))];
+        self.add("multiply", "vector3", "doubled_normal", scaled);
+        let shifted = vec![("in1", "vector3", node("doubled_normal")), ("in2", "float", value("1"))];
+        self.add("subtract", "vector3", "object_normal", shifted);
+        let inputs = vec![
+            ("in", "vector3", node("object_normal")),
+            ("fromspace", "string", value("object")),
+            ("tospace", "string", value("world")),
+        ];
+        self.add("transformnormal", "vector3", "turned_normal", inputs);
+        self.add("normalize", "vector3", "normal", vec![("in", "vector3", node("turned_normal"))]);
+        self.output("normal", "vector3");
+    }
+
+    /// The picture holds values divided by `scale`.
+    fn emission(&mut self, file: &str, scale: f32) {
+        self.blended("emission_stored", "color3", file);
+        let inputs =
+            vec![("in1", "color3", node("emission_stored")), ("in2", "float", value(scale.to_string()))];
+        self.add("multiply", "color3", "emission", inputs);
+        self.output("emission", "color3");
     }
 
     /// The inputs of a material's `standard_surface`: nodes where a sheet has a picture, factors elsewhere.

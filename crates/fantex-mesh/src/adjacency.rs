@@ -233,7 +233,7 @@ impl EdgeSide {
     /// The triangle of a half-edge (its number is three times the triangle's plus that of the corner where it begins).
     /// `first` is the end of the edge from which on a triangle runs forward.
     #[inline]
-    pub fn of_half_edge(triangles: &[[u32; 3]], half_edge: u32, first: u32) -> Self {
+    fn of_half_edge(triangles: &[[u32; 3]], half_edge: u32, first: u32) -> Self {
         let (triangle, k) = (triangles[half_edge as usize / 3], half_edge as usize % 3);
         Self { opposite: triangle[(k + 2) % 3], is_forward: triangle[k] == first }
     }

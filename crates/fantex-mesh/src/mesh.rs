@@ -244,7 +244,7 @@ impl Parts {
 
     /// Those of triangles that were made from triangles `sources` of this model.
     #[must_use]
-    pub fn of_sources(&self, sources: impl Iterator<Item = u32>) -> Self {
+    pub(crate) fn of_sources(&self, sources: impl Iterator<Item = u32>) -> Self {
         let of_triangle = match self.of_triangle.is_empty() {
             true => Vec::new(),
             false => sources.map(|source| self.of_triangle[source as usize]).collect(),

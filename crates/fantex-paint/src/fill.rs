@@ -75,7 +75,7 @@ pub fn fill_triangles_with(
 }
 
 /// Where a fill and its copies start.
-pub fn fill_starts(surface: &Surface, start: SurfacePoint, symmetry: &Symmetry) -> Vec<SurfacePoint> {
+fn fill_starts(surface: &Surface, start: SurfacePoint, symmetry: &Symmetry) -> Vec<SurfacePoint> {
     symmetry.places(surface, start, COPY_REACH).into_iter().flatten().collect()
 }
 

@@ -80,7 +80,7 @@ pub fn groups_around(stack: &[Layer], id: u64) -> Vec<u64> {
 }
 
 /// A layer and everything within it, in the order of the list.
-pub fn with_members(stack: &[Layer], id: u64) -> Vec<u64> {
+pub(crate) fn with_members(stack: &[Layer], id: u64) -> Vec<u64> {
     let parents = Parents::of(stack);
     let is_within = |layer: &&Layer| {
         layer.id() == id || parents.around(layer.id()).take(stack.len()).any(|group| group == id)

@@ -76,12 +76,12 @@ mod work;
 pub use dab::{Dab, Stamp, is_shaped_by_alpha};
 pub use error::without_room;
 pub use fantex_mesh::SurfacePoint;
-pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
+pub use fill::{ColorFill, FillArea, fill_triangles, fill_triangles_with};
 pub use graph::{GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layer_groups::{
     GroupKind, LayerPlace, MAX_GROUP_DEPTH, dissolve_group, groups_around, layer_below, move_layer,
-    remove_layer, with_members,
+    remove_layer,
 };
 pub use layer_moves::LayerMove;
 pub use layers::{Layer, LayerContent, Target};

@@ -507,7 +507,7 @@ fn walk(
     goal: Goal<'_>,
 ) -> Option<Path> {
     let start = surface.position(from);
-    let origin = start + aside * plane;
+    let cut = Cut { origin: start + aside * plane, plane, direction };
     let longest = match goal {
         Goal::Point { longest, .. } => longest,
         Goal::Length(length) => length,
@@ -521,8 +521,7 @@ fn walk(
             path.points.push((reached, along + at.distance(surface.position(reached))));
             return Some(path);
         }
-        let exit = exit_edge(surface, triangle, origin, plane, direction, entered, at);
-        let Some((edge, lambda)) = exit else { break };
+        let Some((edge, lambda)) = cut.exit_edge(surface, triangle, entered, at) else { break };
         let point = SurfacePoint { triangle, lambda };
         let next = surface.position(point);
         along += next.distance(at);
@@ -539,37 +538,46 @@ fn walk(
     matches!(goal, Goal::Length(_)).then_some(path)
 }
 
-/// The edge through which the cut leaves a triangle, as a half-edge, and where.
-fn exit_edge(
-    surface: &Surface,
-    triangle: u32,
+/// The cut of a plane through the surface, followed in a direction.
+struct Cut {
     origin: DVec3,
+    /// The plane's normal.
     plane: DVec3,
     direction: DVec3,
-    entered: Option<u32>,
-    at: DVec3,
-) -> Option<(u32, Vec3)> {
-    let corners = surface.corners(triangle);
-    // A corner in the plane counts as above it, so that every cut crosses two edges or none.
-    let heights = corners.map(|corner| (corner - origin).dot(plane));
-    let mut best: Option<(f64, u32, Vec3)> = None;
-    for k in 0..3 {
-        let (i, j) = (k, (k + 1) % 3);
-        let edge = 3 * triangle + k as u32;
-        if (heights[i] >= 0.0) == (heights[j] >= 0.0) || Some(edge) == entered {
-            continue;
+}
+
+impl Cut {
+    /// The edge through which it leaves a triangle, as a half-edge, and where. It is `at` a point of the triangle, and has come through the edge
+    /// `entered`.
+    fn exit_edge(
+        &self,
+        surface: &Surface,
+        triangle: u32,
+        entered: Option<u32>,
+        at: DVec3,
+    ) -> Option<(u32, Vec3)> {
+        let corners = surface.corners(triangle);
+        // A corner in the plane counts as above it, so that every cut crosses two edges or none.
+        let heights = corners.map(|corner| (corner - self.origin).dot(self.plane));
+        let mut best: Option<(f64, u32, Vec3)> = None;
+        for k in 0..3 {
+            let (i, j) = (k, (k + 1) % 3);
+            let edge = 3 * triangle + k as u32;
+            if (heights[i] >= 0.0) == (heights[j] >= 0.0) || Some(edge) == entered {
+                continue;
+            }
+            let t = heights[i] / (heights[i] - heights[j]);
+            let mut lambda = [0.0f32; 3];
+            (lambda[i], lambda[j]) = ((1.0 - t) as f32, t as f32);
+            let crossing = corners[i].lerp(corners[j], t);
+            // At the start two edges are crossed: the one ahead is meant.
+            let ahead = (crossing - at).dot(self.direction);
+            if best.is_none_or(|(other, ..)| ahead > other) {
+                best = Some((ahead, edge, lambda.into()));
+            }
         }
-        let t = heights[i] / (heights[i] - heights[j]);
-        let mut lambda = [0.0f32; 3];
-        (lambda[i], lambda[j]) = ((1.0 - t) as f32, t as f32);
-        let crossing = corners[i].lerp(corners[j], t);
-        // At the start two edges are crossed: the one ahead is meant.
-        let ahead = (crossing - at).dot(direction);
-        if best.is_none_or(|(other, ..)| ahead > other) {
-            best = Some((ahead, edge, lambda.into()));
-        }
+        best.map(|(_, edge, lambda)| (edge, lambda))
     }
-    best.map(|(_, edge, lambda)| (edge, lambda))
 }
 
 /// A point of an edge as a point of the triangle beyond it.

@@ -103,7 +103,7 @@ impl Surface {
 
     /// The point nearest to a mesh-space position whose triangle faces about the same way as `normal`: the nearest one where
     /// that does, else the nearer one of those before and behind it along the normal, else the nearest one after all.
-    pub fn nearest_facing(&self, position: Vec3, normal: Vec3) -> Option<SurfacePoint> {
+    pub(crate) fn nearest_facing(&self, position: Vec3, normal: Vec3) -> Option<SurfacePoint> {
         let nearest = self.nearest(position, f32::INFINITY)?;
         let agrees = |point: &SurfacePoint| self.outer_normal(point.triangle).as_vec3().dot(normal) >= 0.0;
         if agrees(&nearest) {

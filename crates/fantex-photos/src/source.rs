@@ -369,7 +369,7 @@ pub struct PhotoReport {
 }
 
 /// Pages could not be written to or read from the scratch file in `folder`.
-pub fn scratch_error(folder: &Path, source: io::Error) -> Error {
+pub(crate) fn scratch_error(folder: &Path, source: io::Error) -> Error {
     let message = format!("cannot keep photographs in {}: {source}", folder.display());
     Error::new(ErrorKind::Io, message).with_path(folder).with_source(source)
 }

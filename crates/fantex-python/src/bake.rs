@@ -102,47 +102,52 @@ impl Job {
             target.finish(&replaced(settings.overwrite), &watch.named("uploading"))?;
             Ok(baked)
         })?;
-        let figures = PyDict::new(py);
-        figures.set_item("triangles", baked.triangles)?;
-        figures.set_item("texels", baked.summary.texels)?;
-        figures.set_item("bytes", baked.summary.bytes)?;
-        match baked.exported {
-            None => {
-                figures.set_item("tiles", baked.cover.groups)?;
-                figures.set_item("channels", baked.summary.channels)?;
-                figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
-                figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
-            }
-            Some(ExportSummary { files, sizes, maps, charts, padding, used_share, .. }) => {
-                figures.set_item("files", files.into_iter().map(|(path, _)| path).collect::<Vec<_>>())?;
-                figures.set_item("resolution", sizes.as_flattened().iter().max().copied().unwrap_or(0))?;
-                figures.set_item("channels", maps.iter().map(|map| map.name()).collect::<Vec<_>>())?;
-                figures.set_item("charts", charts)?;
-                figures.set_item("padding", padding)?;
-                figures.set_item("used_share", used_share)?;
-            }
-        }
-        let notes = mesh.notes().iter().chain(&baked.notes).map(|note| in_python(note, None));
-        figures.set_item("notes", notes.collect::<Vec<_>>())?;
-        if let Some(report) = &baked.photos {
-            figures.set_item("photos", report.photographs)?;
-            figures.set_item("photos_used", report.used)?;
-            figures.set_item("photos_masked", report.masked)?;
-            figures.set_item("unseen_share", report.unseen_share)?;
-            let gains: Vec<[f32; 3]> = report.gains.iter().map(|gain| gain.to_array()).collect();
-            figures.set_item("gains", gains)?;
-            figures.set_item("scratch_bytes", report.scratch_bytes)?;
-        }
-        if let Some(noise) = &baked.summary.light {
-            let light = PyDict::new(py);
-            light.set_item("mean_samples", noise.mean_samples)?;
-            light.set_item("mean_light", noise.mean_value)?;
-            light.set_item("error", noise.mean_error)?;
-            light.set_item("error_left", noise.mean_error_left)?;
-            figures.set_item("light", light)?;
-        }
-        Ok(figures)
+        figures(py, &mesh, baked)
     }
+}
+
+/// What the user should know of a bake.
+fn figures<'py>(py: Python<'py>, mesh: &fantex::Mesh, baked: Baked) -> PyResult<Bound<'py, PyDict>> {
+    let figures = PyDict::new(py);
+    figures.set_item("triangles", baked.triangles)?;
+    figures.set_item("texels", baked.summary.texels)?;
+    figures.set_item("bytes", baked.summary.bytes)?;
+    match baked.exported {
+        None => {
+            figures.set_item("tiles", baked.cover.groups)?;
+            figures.set_item("channels", baked.summary.channels)?;
+            figures.set_item("cover_seconds", baked.cover_time.as_secs_f64())?;
+            figures.set_item("bake_seconds", baked.summary.bake_seconds)?;
+        }
+        Some(ExportSummary { files, sizes, maps, charts, padding, used_share, .. }) => {
+            figures.set_item("files", files.into_iter().map(|(path, _)| path).collect::<Vec<_>>())?;
+            figures.set_item("resolution", sizes.as_flattened().iter().max().copied().unwrap_or(0))?;
+            figures.set_item("channels", maps.iter().map(|map| map.name()).collect::<Vec<_>>())?;
+            figures.set_item("charts", charts)?;
+            figures.set_item("padding", padding)?;
+            figures.set_item("used_share", used_share)?;
+        }
+    }
+    let notes = mesh.notes().iter().chain(&baked.notes).map(|note| in_python(note, None));
+    figures.set_item("notes", notes.collect::<Vec<_>>())?;
+    if let Some(report) = &baked.photos {
+        figures.set_item("photos", report.photographs)?;
+        figures.set_item("photos_used", report.used)?;
+        figures.set_item("photos_masked", report.masked)?;
+        figures.set_item("unseen_share", report.unseen_share)?;
+        let gains: Vec<[f32; 3]> = report.gains.iter().map(|gain| gain.to_array()).collect();
+        figures.set_item("gains", gains)?;
+        figures.set_item("scratch_bytes", report.scratch_bytes)?;
+    }
+    if let Some(noise) = &baked.summary.light {
+        let light = PyDict::new(py);
+        light.set_item("mean_samples", noise.mean_samples)?;
+        light.set_item("mean_light", noise.mean_value)?;
+        light.set_item("error", noise.mean_error)?;
+        light.set_item("error_left", noise.mean_error_left)?;
+        figures.set_item("light", light)?;
+    }
+    Ok(figures)
 }
 
 /// What an object in a store may take the place of.

@@ -131,19 +131,7 @@ pub(crate) fn fan_files(options: &Bound<'_, PyDict>) -> PyResult<FanFileOptions>
 
 /// A channel by its name on the command line.
 pub(crate) fn channel_map(name: &str) -> PyResult<ChannelMap> {
-    let maps = [
-        ChannelMap::BaseColor,
-        ChannelMap::Opacity,
-        ChannelMap::Normal,
-        ChannelMap::OcclusionRoughnessMetallic,
-        ChannelMap::Occlusion,
-        ChannelMap::Roughness,
-        ChannelMap::Metallic,
-        ChannelMap::Emission,
-        ChannelMap::Displacement,
-        ChannelMap::Light,
-    ];
-    named("channel", name, &maps.map(|map| (map.name(), map)))
+    named("channel", name, &ChannelMap::ALL.map(|map| (map.name(), map)))
 }
 
 /// Bits per sample of a PNG file.

@@ -206,7 +206,7 @@ fn centred_eye(
 }
 
 /// Right, up and backward axes (as columns) of a camera that looks along `-backward`.
-pub fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
+pub(crate) fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
     let right = up.cross(backward).try_normalize().unwrap_or_else(|| {
         let side = if backward.y.abs() > 0.9 { DVec3::X } else { DVec3::Y.cross(backward) };
         (side - backward * side.dot(backward)).normalize_or(DVec3::X)

@@ -3,7 +3,8 @@
 use fantex_mesh::WorldFromMesh;
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4, Vec2, Vec3};
 
-use crate::{Lens, LightKind, Projector, SpotLight, view_axes};
+use crate::camera::view_axes;
+use crate::{Lens, LightKind, Projector, SpotLight};
 
 /// A projection of mesh space onto the unit square of a lamp's picture (origin top left, v downwards).
 #[derive(Clone, Copy, Debug)]

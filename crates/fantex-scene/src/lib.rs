@@ -16,7 +16,7 @@ mod picture;
 mod rig;
 mod shading;
 
-pub use camera::{Camera, Framed, Projection, maxima_of, view_axes, world_bounds};
+pub use camera::{Camera, Framed, Projection, maxima_of, world_bounds};
 pub use fantex_texture::FilterOptions;
 pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
 pub use light::{

@@ -66,7 +66,7 @@ impl Eye<'_> {
     }
 
     /// The same with its change along a footprint's edges, from that of the normal.
-    pub fn mirrored_with_steps(&self, normal: Vec3, normal_steps: [Vec3; 2]) -> (Vec3, [Vec3; 2]) {
+    pub(crate) fn mirrored_with_steps(&self, normal: Vec3, normal_steps: [Vec3; 2]) -> (Vec3, [Vec3; 2]) {
         let Some(stretch) = self.stretch else {
             let steps = mirrored_steps(normal, normal_steps, self.direction, [Vec3::ZERO; 2]);
             return (mirrored(normal, self.direction), steps);

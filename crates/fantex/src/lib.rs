@@ -110,7 +110,7 @@ pub use addresses::upload::{Upload, Uploaded};
 pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
-pub use baker::{Baked, Baker, Covered, LongestEdge, OwnLook, Source, budget_texels};
+pub use baker::{Baked, Baker, Covered, LongestEdge, OwnLook, Source};
 #[cfg(feature = "http")]
 pub use baker::{Merge, Merged};
 #[cfg(feature = "export")]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use eframe::egui::Modifiers;
 use fantex::glam::{DVec2, Vec3, Vec4};
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, DecalSettings, FillSettings,
@@ -28,70 +29,42 @@ use crate::settings::label_of;
 const CLICK_SHARE: f64 = 0.006;
 
 impl Painting {
-    /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
+    /// What the pen did in this frame. With Shift it draws lines, with Alt it picks.
     pub fn pen(
         &mut self,
         events: &[PenEvent],
         settings: &mut PaintSettings,
         view: &Viewpoint,
-        [is_line, is_pick]: [bool; 2],
+        modifiers: Modifiers,
         notices: &mut Notices,
     ) {
         self.follow_placing(settings, view, notices);
+        // What a stroke has gone through since the last order.
         let mut samples = Vec::new();
         for event in events {
             // What was taken hold of is let go whatever is held by then.
             let has_grip = self.placing.as_ref().is_some_and(Placing::is_held);
-            if (has_grip || !is_pick) && self.pen_on_placing(event, settings, view) {
+            if (has_grip || !modifiers.alt) && self.pen_on_placing(event, settings, view) {
                 self.follow_placing(settings, view, notices);
                 continue;
             }
             let hit = view.hit(&self.surface, event.at);
             let sample = hit.map(|point| Sample { pressure: event.pressure, ..Sample::at(point) });
-            if event.phase == PenPhase::Down && sample.is_some() {
-                self.missed = None;
-            }
             match event.phase {
                 PenPhase::Turn => self.hand = Hand::Turn,
-                PenPhase::Down => match sample {
-                    _ if is_pick && settings.alt_turns => {
-                        self.hand = Hand::AltTurn(sample.map(|sample| (sample.point, event.at)));
+                PenPhase::Down => self.pen_down(event.at, sample, settings, view, modifiers, notices),
+                PenPhase::Move => match (self.hand, sample) {
+                    (Hand::Wait, Some(sample)) => {
+                        self.hand = Hand::Idle;
+                        self.missed = None;
+                        self.touch((sample, event.at), settings, view, false, notices);
                     }
-                    None if settings.alt_turns && settings.tool.has_brush() => self.hand = Hand::Wait,
-                    None => {
-                        self.hand = Hand::Turn;
-                        self.missed = Some(notices.now);
+                    (Hand::AltTurn(Some((_, down))), _) if (event.at - down).length() > CLICK_SHARE => {
+                        self.hand = Hand::AltTurn(None);
                     }
-                    Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
-                        self.pick(sample.point, settings, notices);
-                    }
-                    Some(sample) => self.touch((sample, event.at), settings, view, is_line, notices),
+                    (Hand::Stroke(last), _) => self.go_on(last, sample, &mut samples),
+                    _ => {}
                 },
-                PenPhase::Move => {
-                    match (self.hand, sample) {
-                        (Hand::Wait, Some(sample)) => {
-                            self.hand = Hand::Idle;
-                            self.missed = None;
-                            self.touch((sample, event.at), settings, view, false, notices);
-                            continue;
-                        }
-                        (Hand::AltTurn(Some((_, down))), _) if (event.at - down).length() > CLICK_SHARE => {
-                            self.hand = Hand::AltTurn(None);
-                        }
-                        _ => {}
-                    }
-                    if let Hand::Stroke(last) = &mut self.hand {
-                        if let Some(sample) = sample {
-                            samples.push(sample);
-                            self.last = Some(sample.point);
-                        } else if last.is_some() {
-                            // It goes on where it comes back, without a line between.
-                            self.thread.order(Order::Move(std::mem::take(&mut samples)));
-                            self.thread.order(Order::Lift);
-                        }
-                        *last = sample;
-                    }
-                }
                 PenPhase::Up => match std::mem::take(&mut self.hand) {
                     Hand::Stroke(last) => {
                         self.thread.order(Order::Move(std::mem::take(&mut samples)));
@@ -106,6 +79,48 @@ impl Painting {
         if !samples.is_empty() {
             self.thread.order(Order::Move(samples));
         }
+    }
+
+    /// The pen touches the scene, and with a `sample` the model.
+    fn pen_down(
+        &mut self,
+        at: DVec2,
+        sample: Option<Sample>,
+        settings: &mut PaintSettings,
+        view: &Viewpoint,
+        modifiers: Modifiers,
+        notices: &mut Notices,
+    ) {
+        if sample.is_some() {
+            self.missed = None;
+        }
+        match sample {
+            _ if modifiers.alt && settings.alt_turns => {
+                self.hand = Hand::AltTurn(sample.map(|sample| (sample.point, at)));
+            }
+            None if settings.alt_turns && settings.tool.has_brush() => self.hand = Hand::Wait,
+            None => {
+                self.hand = Hand::Turn;
+                self.missed = Some(notices.now);
+            }
+            Some(sample) if modifiers.alt || settings.tool == PaintTool::Pick => {
+                self.pick(sample.point, settings, notices);
+            }
+            Some(sample) => self.touch((sample, at), settings, view, modifiers.shift, notices),
+        }
+    }
+
+    /// A stroke goes on from its `last` sample; `samples` are those that are not ordered yet.
+    fn go_on(&mut self, last: Option<Sample>, sample: Option<Sample>, samples: &mut Vec<Sample>) {
+        if let Some(sample) = sample {
+            samples.push(sample);
+            self.last = Some(sample.point);
+        } else if last.is_some() {
+            // It goes on where it comes back, without a line between.
+            self.thread.order(Order::Move(std::mem::take(samples)));
+            self.thread.order(Order::Lift);
+        }
+        self.hand = Hand::Stroke(sample);
     }
 
     fn pick(&mut self, point: SurfacePoint, settings: &PaintSettings, notices: &mut Notices) {

@@ -12,7 +12,10 @@ use std::time::{Duration, Instant};
 
 use fantex::base::Result;
 use fantex::glam::DVec2;
-use fantex::paint::{Decal, FillArea, GroupKind, Layer, LayerPlace, LiveStroke, Painter, Sample, move_layer};
+use fantex::paint::{
+    Decal, FillArea, FillSettings, GroupKind, Layer, LayerPlace, LiveStroke, Painter, Sample, SurfacePoint,
+    move_layer,
+};
 use fantex::store::{ChannelKind, PageId, group_pages};
 use fantex::stream::AtlasFormat;
 
@@ -345,25 +348,9 @@ impl Worker {
                     self.go_to(sample, false)?;
                 }
             }
-            Order::Lift => {
-                self.lift()?;
-            }
-            Order::End(sample) => {
-                match sample {
-                    Some(sample) => self.go_to(&sample, true)?,
-                    None => self.lift()?,
-                }
-                self.stroke = None;
-                self.end_stroke()?;
-            }
-            Order::Fill(start, point, fill) => {
-                let surface = self.painter.surface();
-                let area = FillArea::of(surface, fill, &start.paint, point, &start.symmetry);
-                self.open(*start)?;
-                if let Some(area) = area {
-                    self.painter.start_fill(area)?;
-                }
-            }
+            Order::Lift => self.lift()?,
+            Order::End(sample) => self.end(sample)?,
+            Order::Fill(start, point, fill) => self.fill(*start, point, fill)?,
             Order::Place(start, decal, readable) => self.place(*start, &decal, readable)?,
             Order::Apply => {
                 self.is_placing = false;
@@ -377,8 +364,7 @@ impl Worker {
             }
             Order::AddLayer(layer, place) => {
                 let id = self.painter.start_add_layer(*layer, place)?;
-                self.tell(Report::Added(id));
-                self.tell_state();
+                self.tell_added(id);
             }
             Order::EditLayers(label, change) => {
                 self.painter.start_edit_layers(label, change)?;
@@ -386,8 +372,7 @@ impl Worker {
             }
             Order::DuplicateLayer(id) => {
                 let copy = self.painter.start_duplicate_layer(id)?;
-                self.tell(Report::Added(copy));
-                self.tell_state();
+                self.tell_added(copy);
             }
             Order::MergeLayer(id) => {
                 self.painter.start_merge_layer_down(id)?;
@@ -396,8 +381,7 @@ impl Worker {
             }
             Order::GroupLayer(id, name) => {
                 let group = self.painter.start_group_layers(&name, GroupKind::default(), &[id])?;
-                self.tell(Report::Added(group));
-                self.tell_state();
+                self.tell_added(group);
             }
             Order::MergeGroup(id) => {
                 self.painter.start_merge_group(id)?;
@@ -430,16 +414,7 @@ impl Worker {
                 self.tell(Report::Probed(point, values));
             }
             Order::Commit => self.save(),
-            Order::Leave => {
-                // What is not applied is not saved; all else was, before it was shown.
-                if !self.is_placing {
-                    self.save();
-                }
-                let is_saved = self.is_placing || !self.painter.editor().has_changes();
-                if is_saved && self.saving.failed.is_none() {
-                    self.tell(Report::MayLeave);
-                }
-            }
+            Order::Leave => self.leave(),
             Order::HandOver(to) => {
                 // Who asked may have given it up.
                 to.send(self.hand_over()).ok();
@@ -450,6 +425,23 @@ impl Worker {
             Order::Pages | Order::Look(_) | Order::Close => {}
         }
         Ok(())
+    }
+
+    fn tell_added(&mut self, layer: u64) {
+        self.tell(Report::Added(layer));
+        self.tell_state();
+    }
+
+    /// Commits, and tells whether all is in the file.
+    fn leave(&mut self) {
+        // What is not applied is not saved; all else was, before it was shown.
+        if !self.is_placing {
+            self.save();
+        }
+        let is_saved = self.is_placing || !self.painter.editor().has_changes();
+        if is_saved && self.saving.failed.is_none() {
+            self.tell(Report::MayLeave);
+        }
     }
 
     /// Moves a layer. A drag that goes on is one step of the history.
@@ -515,6 +507,22 @@ impl Worker {
         self.open(start)?;
         self.stroke = Some(LiveStroke::new(self.painter.surface(), brush, stamp, symmetry));
         self.go_to(sample, false)
+    }
+
+    /// Ends the stroke, at a sample where one is still to be reached.
+    fn end(&mut self, sample: Option<Sample>) -> Result<()> {
+        match sample {
+            Some(sample) => self.go_to(&sample, true)?,
+            None => self.lift()?,
+        }
+        self.stroke = None;
+        self.end_stroke()
+    }
+
+    fn fill(&mut self, start: StrokeStart, point: Option<SurfacePoint>, fill: FillSettings) -> Result<()> {
+        let area = FillArea::of(self.painter.surface(), fill, &start.paint, point, &start.symmetry);
+        self.open(start)?;
+        area.map_or(Ok(()), |area| self.painter.start_fill(area))
     }
 
     /// Opens a stroke for the painter.

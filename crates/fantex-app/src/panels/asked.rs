@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use eframe::egui::{Align2, Area, Id, Order, Rect, RichText, Ui, vec2};
+use fantex::OwnLook;
 use fantex::base::numbered;
 use fantex::store::ChannelKind;
 
@@ -20,17 +21,7 @@ const MILLIONS: [u64; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
 
 pub(super) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(asked) = &mut viewer.asked else { return };
-    let area = Area::new(Id::unique("asked")).order(Order::Middle).fixed_pos(rect.center());
-    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
-        card()
-            .show(ui, |ui| {
-                ui.set_width(380.0f32.min(rect.width() - 40.0));
-                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
-                question(ui, asked)
-            })
-            .inner
-    });
-    if let Some(answer) = shown.inner {
+    if let Some(answer) = dialog(ui, "asked", rect, |ui| question(ui, asked)) {
         viewer.answer(answer);
     }
 }
@@ -43,25 +34,18 @@ pub(super) fn exporting(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
         ui.ctx().request_repaint_after_secs(0.1);
     }
     let (mut settings, share) = (exporting.settings.clone(), exporting.share());
-    let area = Area::new(Id::unique("exporting")).order(Order::Middle).fixed_pos(rect.center());
-    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
-        card()
-            .show(ui, |ui| {
-                ui.set_width(380.0f32.min(rect.width() - 40.0));
-                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
-                if is_asked {
-                    return export_choices(ui, &mut settings);
-                }
-                ui.horizontal(|ui| {
-                    ui.label(format!("Writing … {:.0} %", share * 100.0));
-                    ui.button("Cancel").clicked().then_some(false)
-                })
-                .inner
-            })
-            .inner
+    let answer = dialog(ui, "exporting", rect, |ui| {
+        if is_asked {
+            return export_choices(ui, &mut settings);
+        }
+        ui.horizontal(|ui| {
+            ui.label(format!("Writing … {:.0} %", share * 100.0));
+            ui.button("Cancel").clicked().then_some(false)
+        })
+        .inner
     });
     exporting.settings = settings.clone();
-    match shown.inner {
+    match answer {
         Some(true) => viewer.choose_export(settings),
         Some(false) => viewer.command(crate::command::Command::Cancel),
         None => {}
@@ -72,33 +56,42 @@ pub(super) fn exporting(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
 pub(super) fn removal(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(kind) = viewer.removal else { return };
     let sentence = viewer.removal_sentence(kind);
-    let area = Area::new(Id::unique("removal")).order(Order::Middle).fixed_pos(rect.center());
-    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
-        card()
-            .show(ui, |ui| {
-                ui.set_width(380.0f32.min(rect.width() - 40.0));
-                ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
-                let title = format!("Remove {}", channel_name(kind));
-                ui.label(RichText::new(title).heading().color(theme::STRONG));
-                ui.label(sentence);
-                ui.horizontal(|ui| {
-                    let is_sure = ui.button("Remove the channel").clicked().then_some(true);
-                    is_sure.or(ui.button("Cancel").clicked().then_some(false))
-                })
-                .inner
-            })
-            .inner
+    let answer = dialog(ui, "removal", rect, |ui| {
+        title(ui, format!("Remove {}", channel_name(kind)));
+        ui.label(sentence);
+        ui.horizontal(|ui| {
+            let is_sure = ui.button("Remove the channel").clicked().then_some(true);
+            is_sure.or(ui.button("Cancel").clicked().then_some(false))
+        })
+        .inner
     });
-    match shown.inner {
+    match answer {
         Some(true) => viewer.remove_channels(&[kind]),
         Some(false) => viewer.removal = None,
         None => {}
     }
 }
 
+/// A card in the middle of `rect`, over what is there.
+fn dialog<R>(ui: &Ui, id: &str, rect: Rect, contents: impl FnOnce(&mut Ui) -> R) -> R {
+    let area = Area::new(Id::unique(id)).order(Order::Middle).fixed_pos(rect.center());
+    let shown = area.pivot(Align2::CENTER_CENTER).show(ui.ctx(), |ui| {
+        card().show(ui, |ui| {
+            ui.set_width(380.0f32.min(rect.width() - 40.0));
+            ui.spacing_mut().item_spacing = vec2(8.0, 6.0);
+            contents(ui)
+        })
+    });
+    shown.inner.inner
+}
+
+fn title(ui: &mut Ui, text: String) {
+    ui.label(RichText::new(text).heading().color(theme::STRONG));
+}
+
 /// Whether it is exported, once that is said.
 fn export_choices(ui: &mut Ui, settings: &mut ExportSettings) -> Option<bool> {
-    ui.label(RichText::new("Export").heading().color(theme::STRONG));
+    title(ui, "Export".to_owned());
     let before = settings.preset;
     row(ui, "For", |ui| choice(ui, "export preset", &mut settings.preset, &Preset::ALL));
     if settings.preset != before {
@@ -126,10 +119,7 @@ fn name(path: &Path) -> String {
 
 /// The answer, once there is one: none to leave it.
 fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
-    let new = &mut asked.new;
     let model = short_place(&asked.place.name());
-    let title = |ui: &mut Ui, text: String| ui.label(RichText::new(text).heading().color(theme::STRONG));
-    let mut answer = None;
     match &asked.question {
         Question::New { asset, look } => {
             title(ui, format!("Paint on {model}"));
@@ -137,68 +127,80 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
                 ui,
                 &format!("It becomes the asset {} beside it; its own file stays as it is.", name(asset)),
             );
-            let own = if look.is_limited { "as its textures repeat" } else { "as it has" };
-            texel_row(ui, &mut new.texels, look.texels, own);
-            hard_edges_row(ui, &mut new.hard_edges, "none, continuous everywhere");
-            let has = |kind| look.channels.contains(&kind);
-            row(ui, "Channels", |ui| {
-                ui.vertical(|ui| {
-                    let mut always = true;
-                    ui.add_enabled_ui(false, |ui| {
-                        ui.checkbox(&mut always, "Colour, occlusion, roughness, metallic")
-                    });
-                    let mut channel = |kind, value: &mut bool, text| {
-                        let is_known = has(kind);
-                        let mut shown = is_known || *value;
-                        ui.add_enabled_ui(!is_known, |ui| ui.checkbox(&mut shown, text));
-                        *value = shown && !is_known;
-                    };
-                    channel(ChannelKind::Emission, &mut new.emission, "Emission");
-                    channel(ChannelKind::Normal, &mut new.normal, "Normal");
-                    channel(ChannelKind::Displacement, &mut new.height, "Height");
-                })
-                .response
-            });
-            ui.horizontal(|ui| {
-                if ui.button("Make and paint").clicked() {
-                    answer = Some(Some(Answer::New(new.clone())));
-                }
-                if ui.button("Cancel").clicked() {
-                    answer = Some(None);
-                }
-            });
+            new_asset(ui, &mut asked.new, look)
         }
-        Question::Foreign { asset, triangles: [ours, theirs], texels, strokes } => {
+        Question::Foreign { asset, triangles, texels, strokes } => {
             title(ui, format!("{} is of another mesh", name(asset)));
-            let counts = [ours, theirs].map(|&count| grouped(count as u64));
-            let difference = match counts {
-                [ours, theirs] if ours != theirs => {
-                    format!("{model} has {ours} triangles, the asset's mesh {theirs}.")
-                }
-                [both, _] => {
-                    format!("{model} and the asset's mesh have {both} triangles, but at other places.")
-                }
-            };
             let (count, noun) = (grouped(*strokes as u64), numbered(*strokes, "stroke"));
+            let difference = difference(&model, *triangles);
             ui.label(format!("{difference} The asset has {count} {noun} in its log."));
-            texel_row(ui, &mut new.texels, Some(*texels), "as it has");
-            hard_edges_row(ui, &mut new.hard_edges, "as the asset");
-            ui.horizontal_wrapped(|ui| {
-                let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
-                if ui.button("Repeat the strokes on the new mesh").on_hover_text(tip).clicked() {
-                    let texels = new.texels.or(Some(*texels));
-                    answer = Some(Some(Answer::Replay(NewAsset { texels, ..new.clone() })));
-                }
-                let tip = "The model's new shape is not seen";
-                if ui.button("Paint on the old asset").on_hover_text(tip).clicked() {
-                    answer = Some(Some(Answer::Keep));
-                }
-                if ui.button("Cancel").clicked() {
-                    answer = Some(None);
-                }
-            });
+            foreign_asset(ui, &mut asked.new, *texels)
         }
     }
+}
+
+/// What the asset of a model is to be like.
+fn new_asset(ui: &mut Ui, new: &mut NewAsset, look: &OwnLook) -> Option<Option<Answer>> {
+    let own = if look.is_limited { "as its textures repeat" } else { "as it has" };
+    texel_row(ui, &mut new.texels, look.texels, own);
+    hard_edges_row(ui, &mut new.hard_edges, "none, continuous everywhere");
+    row(ui, "Channels", |ui| {
+        ui.vertical(|ui| {
+            let mut always = true;
+            ui.add_enabled_ui(false, |ui| ui.checkbox(&mut always, "Colour, occlusion, roughness, metallic"));
+            let mut channel = |kind, value: &mut bool, text| {
+                let is_known = look.channels.contains(&kind);
+                let mut shown = is_known || *value;
+                ui.add_enabled_ui(!is_known, |ui| ui.checkbox(&mut shown, text));
+                *value = shown && !is_known;
+            };
+            channel(ChannelKind::Emission, &mut new.emission, "Emission");
+            channel(ChannelKind::Normal, &mut new.normal, "Normal");
+            channel(ChannelKind::Displacement, &mut new.height, "Height");
+        })
+        .response
+    });
+    let mut answer = None;
+    ui.horizontal(|ui| {
+        if ui.button("Make and paint").clicked() {
+            answer = Some(Some(Answer::New(new.clone())));
+        }
+        if ui.button("Cancel").clicked() {
+            answer = Some(None);
+        }
+    });
+    answer
+}
+
+/// How the meshes of a model and of the asset beside it differ.
+fn difference(model: &str, triangles: [usize; 2]) -> String {
+    match triangles.map(|count| grouped(count as u64)) {
+        [ours, theirs] if ours != theirs => {
+            format!("{model} has {ours} triangles, the asset's mesh {theirs}.")
+        }
+        [both, _] => format!("{model} and the asset's mesh have {both} triangles, but at other places."),
+    }
+}
+
+/// What becomes of an asset of another mesh, which has so many texels.
+fn foreign_asset(ui: &mut Ui, new: &mut NewAsset, texels: u64) -> Option<Option<Answer>> {
+    texel_row(ui, &mut new.texels, Some(texels), "as it has");
+    hard_edges_row(ui, &mut new.hard_edges, "as the asset");
+    let mut answer = None;
+    ui.horizontal_wrapped(|ui| {
+        let tip = "Makes a new asset of the model and repeats the strokes at their places; the old one is kept under another name";
+        if ui.button("Repeat the strokes on the new mesh").on_hover_text(tip).clicked() {
+            let texels = new.texels.or(Some(texels));
+            answer = Some(Some(Answer::Replay(NewAsset { texels, ..new.clone() })));
+        }
+        let tip = "The model's new shape is not seen";
+        if ui.button("Paint on the old asset").on_hover_text(tip).clicked() {
+            answer = Some(Some(Answer::Keep));
+        }
+        if ui.button("Cancel").clicked() {
+            answer = Some(None);
+        }
+    });
     answer
 }
 

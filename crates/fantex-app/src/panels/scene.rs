@@ -91,7 +91,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             side_drag,
             middle_drag,
             pen: Vec::new(),
-            modifiers: [i.modifiers.shift, i.modifiers.alt],
+            modifiers: i.modifiers,
             turns_sun: i.modifiers.command,
             adjusts_brush: held(BRUSH_KEY) > 0.0 && !i.modifiers.alt,
             // With Ctrl the wheel zooms, by a factor of e for each 200 points.

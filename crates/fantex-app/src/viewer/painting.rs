@@ -153,7 +153,7 @@ impl Viewer {
         }
         // Shift lets the right button do what the middle one does.
         let (turned, shifted) =
-            if input.modifiers[0] { (DVec2::ZERO, side + middle) } else { (side, middle) };
+            if input.modifiers.shift { (DVec2::ZERO, side + middle) } else { (side, middle) };
         left.drag = turn + turned + sun;
         left.turns_sun = input.turns_sun && sun != DVec2::ZERO;
         left.side_drag = shifted;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use eframe::egui::Modifiers;
 use fantex::paint::StrokeLog;
 use fantex::store::Asset;
 use fantex::texture::Image;
@@ -49,8 +50,8 @@ fn the_log_holds_the_picture_that_was_painted() {
     let settings = &mut studio.settings;
     (settings.tool, settings.sticker) = (PaintTool::Sticker, StickerKind::Picture);
     settings.picture = Some(picture.clone());
-    studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
-    studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+    studio.pen(PenPhase::Down, 0.5, 0.85, Modifiers::NONE);
+    studio.pen(PenPhase::Up, 0.5, 0.85, Modifiers::NONE);
     studio.wait();
     save_picture(&picture, 16);
     assert!(std::fs::read(&picture).unwrap() != painted);

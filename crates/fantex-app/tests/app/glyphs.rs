@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use eframe::egui::FontId;
 use egui_kittest::Harness;
@@ -14,7 +13,7 @@ use fantex_app::paint::{LayerAction, PaintTool, SymmetryKind};
 use fantex_app::settings::{PanelSettings, Tab};
 use fantex_app::viewer::Viewer;
 
-use crate::panels::{empty, harness, wait_painted, with_asset, with_model, with_painting};
+use crate::panels::{TRIANGLE, asking, empty, harness, wait_painted, with_asset, with_model, with_painting};
 
 const SIZE: [f32; 2] = [1380.0, 1600.0];
 
@@ -75,18 +74,8 @@ fn pages_of_the_viewer_lack_no_glyph() {
 fn questions_and_looks_lack_no_glyph() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("triangle.obj");
-    std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let mut viewer = empty();
-    (viewer.paints, viewer.asks) = (true, true);
-    viewer.open(&path.to_string_lossy());
-    let started = Instant::now();
-    while viewer.opening.is_some() {
-        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not open");
-        std::thread::sleep(Duration::from_millis(5));
-        viewer.poll();
-    }
-    assert!(viewer.asked.is_some());
-    check(&mut harness(viewer, SIZE));
+    std::fs::write(&path, TRIANGLE).unwrap();
+    check(&mut harness(asking(&path), SIZE));
     let mut viewer = with_asset(Tab::Model);
     viewer.command(Command::Export);
     assert!(viewer.exporting.is_some());

@@ -290,7 +290,7 @@ fn what_is_not_told_yet_is_not_lost_either() {
     let bytes = std::fs::metadata(&path).unwrap().len();
     let mut studio = Studio::open_at(folder, path, Some(bytes));
     for (phase, x) in [(PenPhase::Down, 0.5), (PenPhase::Move, 0.6), (PenPhase::Up, 0.6)] {
-        studio.pen(phase, x, 0.85, [false; 2]);
+        studio.pen(phase, x, 0.85, Modifiers::NONE);
     }
     let started = Instant::now();
     while studio.painting.is_busy() {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use eframe::egui::Modifiers;
 use fantex::bake::{BakeOptions, NoProgress, SineSource, bake};
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::glam::DVec2;
@@ -105,16 +106,16 @@ impl Studio {
         }
     }
 
-    pub(crate) fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: [bool; 2]) {
+    pub(crate) fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: Modifiers) {
         let event = PenEvent { phase, at: DVec2::new(x, y), pressure: 1.0 };
         let Self { painting, settings, view, notices, .. } = self;
         painting.pen(&[event], settings, view, modifiers, notices);
     }
 
     pub(crate) fn stroke(&mut self) {
-        self.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
-        self.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
-        self.pen(PenPhase::Up, 0.6, 0.84, [false; 2]);
+        self.pen(PenPhase::Down, 0.5, 0.85, Modifiers::NONE);
+        self.pen(PenPhase::Move, 0.6, 0.84, Modifiers::NONE);
+        self.pen(PenPhase::Up, 0.6, 0.84, Modifiers::NONE);
         self.wait();
     }
 
@@ -129,8 +130,8 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     let mut studio = Studio::open();
     // Else the end of the stroke catches up with the hand.
     studio.settings.brush.smoothing = 0.0;
-    studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
-    studio.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
+    studio.pen(PenPhase::Down, 0.5, 0.85, Modifiers::NONE);
+    studio.pen(PenPhase::Move, 0.6, 0.84, Modifiers::NONE);
     studio.wait();
     assert!(studio.painting.is_drawing());
     let (fresh, stale) = studio.painting.exchange().take_fresh();
@@ -138,7 +139,7 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     let levels: std::collections::BTreeSet<u32> = fresh.keys().map(|page| page.level).collect();
     assert!(levels.contains(&0) && levels.len() > 2, "{levels:?}");
     let painted: Vec<_> = fresh.into_iter().collect();
-    studio.pen(PenPhase::Up, 0.6, 0.84, [false; 2]);
+    studio.pen(PenPhase::Up, 0.6, 0.84, Modifiers::NONE);
     studio.wait();
     // What was shown of coarser levels while the stroke was open is what is kept.
     let (kept, _) = studio.painting.exchange().take_fresh();
@@ -295,18 +296,18 @@ fn a_full_disk_is_said_and_painting_goes_on() {
 fn lines_colours_and_turning_are_told_apart() {
     let mut studio = Studio::open();
     // The hole of the torus.
-    studio.pen(PenPhase::Down, 0.5, 0.5, [false; 2]);
+    studio.pen(PenPhase::Down, 0.5, 0.5, Modifiers::NONE);
     assert!(studio.painting.is_turning() && !studio.painting.is_drawing());
-    studio.pen(PenPhase::Up, 0.5, 0.5, [false; 2]);
+    studio.pen(PenPhase::Up, 0.5, 0.5, Modifiers::NONE);
     studio.stroke();
-    studio.pen(PenPhase::Down, 0.85, 0.5, [true, false]);
+    studio.pen(PenPhase::Down, 0.85, 0.5, Modifiers::SHIFT);
     assert!(!studio.painting.is_drawing(), "a line is done at once");
-    studio.pen(PenPhase::Up, 0.85, 0.5, [true, false]);
+    studio.pen(PenPhase::Up, 0.85, 0.5, Modifiers::SHIFT);
     studio.wait();
     assert_eq!(studio.painting.snapshot.done.len(), 2);
     let painted = studio.settings.colors.foreground;
     studio.settings.colors.foreground = [0; 3];
-    studio.pen(PenPhase::Down, 0.55, 0.845, [false, true]);
+    studio.pen(PenPhase::Down, 0.55, 0.845, Modifiers::ALT);
     studio.wait();
     let picked = studio.settings.colors.foreground;
     assert!(picked.iter().zip(painted).all(|(a, b)| a.abs_diff(b) < 12), "{picked:?} {painted:?}");
@@ -342,8 +343,8 @@ fn all_tools_paint_on_a_layer() {
         studio.stroke();
     }
     studio.settings.tool = PaintTool::Clone;
-    studio.pen(PenPhase::Down, 0.55, 0.845, [false, true]);
-    studio.pen(PenPhase::Up, 0.55, 0.845, [false, true]);
+    studio.pen(PenPhase::Down, 0.55, 0.845, Modifiers::ALT);
+    studio.pen(PenPhase::Up, 0.55, 0.845, Modifiers::ALT);
     studio.stroke();
     studio.settings.tool = PaintTool::Fill;
     studio.stroke();
@@ -395,8 +396,8 @@ fn save_slide(folder: &Path) -> PathBuf {
 fn picked(studio: &mut Studio, x: f64, y: f64) -> [u8; 3] {
     let before = studio.settings.colors.foreground;
     let tool = std::mem::replace(&mut studio.settings.tool, PaintTool::Pick);
-    studio.pen(PenPhase::Down, x, y, [false; 2]);
-    studio.pen(PenPhase::Up, x, y, [false; 2]);
+    studio.pen(PenPhase::Down, x, y, Modifiers::NONE);
+    studio.pen(PenPhase::Up, x, y, Modifiers::NONE);
     studio.wait();
     studio.settings.tool = tool;
     std::mem::replace(&mut studio.settings.colors.foreground, before)
@@ -413,9 +414,9 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
         BrushSettings { size: 60.0, hardness: 1.0, flow: 1.0, smoothing: 0.0, ..Default::default() };
     studio.settings.colors.foreground = [0x20, 0x40, 0xf0];
     let swipe = |studio: &mut Studio| {
-        studio.pen(PenPhase::Down, 0.4, 0.85, [false; 2]);
-        studio.pen(PenPhase::Move, 0.6, 0.85, [false; 2]);
-        studio.pen(PenPhase::Up, 0.6, 0.85, [false; 2]);
+        studio.pen(PenPhase::Down, 0.4, 0.85, Modifiers::NONE);
+        studio.pen(PenPhase::Move, 0.6, 0.85, Modifiers::NONE);
+        studio.pen(PenPhase::Up, 0.6, 0.85, Modifiers::NONE);
         studio.wait();
         [left, right].map(|(x, y)| picked(studio, x, y))
     };
@@ -466,9 +467,9 @@ fn strokes_in_a_hurry_are_the_same() {
         for i in 0..6 {
             // Under the layer, and across each other.
             let (x, y) = (0.35 + 0.05 * f64::from(i), 0.8 + 0.02 * f64::from(i % 3));
-            studio.pen(PenPhase::Down, x, y, [false; 2]);
-            studio.pen(PenPhase::Move, x + 0.1, 0.85, [false; 2]);
-            studio.pen(PenPhase::Up, x + 0.1, 0.85, [false; 2]);
+            studio.pen(PenPhase::Down, x, y, Modifiers::NONE);
+            studio.pen(PenPhase::Move, x + 0.1, 0.85, Modifiers::NONE);
+            studio.pen(PenPhase::Up, x + 0.1, 0.85, Modifiers::NONE);
             if waits {
                 studio.wait();
             }
@@ -523,8 +524,8 @@ fn what_the_hand_does_is_in_the_log() {
     studio.settings.picture = Some(save_slide(studio.path.parent().unwrap()));
     studio.stroke();
     studio.settings.tool = PaintTool::Clone;
-    studio.pen(PenPhase::Down, 0.15, 0.5, [false, true]);
-    studio.pen(PenPhase::Up, 0.15, 0.5, [false, true]);
+    studio.pen(PenPhase::Down, 0.15, 0.5, Modifiers::ALT);
+    studio.pen(PenPhase::Up, 0.15, 0.5, Modifiers::ALT);
     studio.stroke();
     assert_eq!(studio.painting.snapshot.done.len(), 5);
     let all = |studio: &mut Studio| {
@@ -568,8 +569,8 @@ fn wait_for_work(studio: &mut Studio) {
 fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
     let fill: fn(&mut Studio) = |studio| {
         (studio.settings.tool, studio.settings.fill) = (PaintTool::Fill, FillReach::Whole);
-        studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
-        studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+        studio.pen(PenPhase::Down, 0.5, 0.85, Modifiers::NONE);
+        studio.pen(PenPhase::Up, 0.5, 0.85, Modifiers::NONE);
     };
     let project: fn(&mut Studio) = |studio| {
         let image = Some(save_slide(studio.path.parent().unwrap()));
@@ -608,12 +609,12 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
 fn alt_turns_and_strokes_begin_beside_the_model() {
     let mut studio = Studio::open();
     studio.settings.alt_turns = true;
-    let outside = |studio: &mut Studio, phase| studio.pen(phase, 0.02, 0.85, [false; 2]);
+    let outside = |studio: &mut Studio, phase| studio.pen(phase, 0.02, 0.85, Modifiers::NONE);
     outside(&mut studio, PenPhase::Down);
     assert!(!studio.painting.is_turning() && !studio.painting.is_drawing());
-    studio.pen(PenPhase::Move, 0.5, 0.85, [false; 2]);
+    studio.pen(PenPhase::Move, 0.5, 0.85, Modifiers::NONE);
     assert!(studio.painting.is_drawing());
-    studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+    studio.pen(PenPhase::Up, 0.5, 0.85, Modifiers::NONE);
     studio.wait();
     assert_eq!(studio.painting.snapshot.done, ["paint"]);
     assert_eq!(studio.painting.missed_for(0.0), None);
@@ -624,12 +625,12 @@ fn alt_turns_and_strokes_begin_beside_the_model() {
     // A click with a little shake picks, a drag turns and picks nothing.
     for (shift, is_click) in [(0.001, true), (0.1, false)] {
         studio.settings.colors.foreground = [0; 3];
-        studio.pen(PenPhase::Down, 0.5, 0.85, [false, true]);
-        studio.pen(PenPhase::Move, 0.5 + shift, 0.85, [false, true]);
+        studio.pen(PenPhase::Down, 0.5, 0.85, Modifiers::ALT);
+        studio.pen(PenPhase::Move, 0.5 + shift, 0.85, Modifiers::ALT);
         assert!(studio.painting.is_turning() && !studio.painting.is_drawing());
         // Coming back is no click.
-        studio.pen(PenPhase::Move, 0.5, 0.85, [false, true]);
-        studio.pen(PenPhase::Up, 0.5, 0.85, [false, true]);
+        studio.pen(PenPhase::Move, 0.5, 0.85, Modifiers::ALT);
+        studio.pen(PenPhase::Up, 0.5, 0.85, Modifiers::ALT);
         studio.wait();
         let picked = studio.settings.colors.foreground;
         // The dab is as small as the texels: what is picked is between its red and the grey around.
@@ -644,15 +645,15 @@ fn alt_turns_and_strokes_begin_beside_the_model() {
 fn a_stroke_beside_the_model_is_told_of() {
     let mut studio = Studio::open();
     assert_eq!(studio.painting.missed_for(0.0), None);
-    studio.pen(PenPhase::Down, 0.02, 0.02, [false; 2]);
+    studio.pen(PenPhase::Down, 0.02, 0.02, Modifiers::NONE);
     assert!(studio.painting.is_turning() && studio.painting.missed_for(100.0).is_some(), "while it is down");
-    studio.pen(PenPhase::Up, 0.02, 0.02, [false; 2]);
+    studio.pen(PenPhase::Up, 0.02, 0.02, Modifiers::NONE);
     assert!(studio.painting.missed_for(1.0).is_some_and(|left| left < 4.0));
     assert_eq!(studio.painting.missed_for(100.0), None);
     // Where a kept picture lies over the model the view is turned, and there is nothing to tell.
-    studio.pen(PenPhase::Turn, 0.5, 0.85, [false; 2]);
+    studio.pen(PenPhase::Turn, 0.5, 0.85, Modifiers::NONE);
     assert!(studio.painting.is_turning());
-    studio.pen(PenPhase::Up, 0.6, 0.85, [false; 2]);
+    studio.pen(PenPhase::Up, 0.6, 0.85, Modifiers::NONE);
     studio.stroke();
     assert_eq!(studio.painting.missed_for(1.0), None);
     assert_eq!(studio.painting.snapshot.done, ["paint"]);
@@ -721,8 +722,8 @@ fn pictures_are_laid_as_normals_and_heights() {
     for (file, picture_use) in [(slope, PictureUse::Normal), (height, PictureUse::Height)] {
         studio.settings.picture = Some(file);
         studio.settings.picture_use = picture_use;
-        studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
-        studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+        studio.pen(PenPhase::Down, 0.5, 0.85, Modifiers::NONE);
+        studio.pen(PenPhase::Up, 0.5, 0.85, Modifiers::NONE);
         studio.painting.apply_placing();
         studio.wait();
     }

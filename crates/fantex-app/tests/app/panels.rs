@@ -1,5 +1,6 @@
 //! Panels without a window: they show what is there, and clicks change what they promise.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use eframe::egui::accesskit::Role;
@@ -285,7 +286,7 @@ fn facts_stand_beside_their_names() {
     harness.get_by_label("BC5");
 }
 
-pub(crate) fn with_painting(folder: &std::path::Path) -> Viewer {
+pub(crate) fn with_painting(folder: &Path) -> Viewer {
     let path = crate::painting::small_asset(folder);
     let painter = fantex::paint::Painter::open(&path, &fantex::paint::PaintOptions::default()).unwrap();
     let asset = painter.editor().asset().clone();
@@ -399,19 +400,31 @@ fn textured_brushes_are_taken_by_their_name() {
     assert_eq!(harness.state().settings.paint.brush.name, "Grass", "it stays as it was");
 }
 
+/// A model for [`asking`].
+pub(crate) const TRIANGLE: &str = "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// A painter that has opened a model and asks what its asset is to be like.
+pub(crate) fn asking(model: &Path) -> Viewer {
+    let mut viewer = empty();
+    (viewer.paints, viewer.asks) = (true, true);
+    viewer.open_file(model.to_owned());
+    let started = std::time::Instant::now();
+    while viewer.opening.is_some() {
+        assert!(started.elapsed() < fantex_test::PATIENCE, "it does not open");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+        viewer.poll();
+    }
+    assert!(viewer.asked.is_some());
+    viewer
+}
+
 /// What is asked before a model is painted on, answered with clicks.
 #[test]
 fn how_a_model_becomes_an_asset_is_asked() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("triangle.obj");
-    std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let mut viewer = empty();
-    (viewer.paints, viewer.asks) = (true, true);
-    viewer.open(&path.to_string_lossy());
-    while viewer.opening.is_some() {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-        viewer.poll();
-    }
+    std::fs::write(&path, TRIANGLE).unwrap();
+    let mut viewer = asking(&path);
     for size in [[640.0, 400.0], [1280.0, 800.0]] {
         let mut harness = harness(std::mem::take(&mut viewer), size);
         harness.get_by_label_contains("triangle.fan");
@@ -611,14 +624,7 @@ fn what_differs_of_two_meshes_is_said() {
     torus.positions.iter_mut().for_each(|position| *position *= 2.0);
     let model = folder.path().join("torus.ply");
     crate::document::save_shape(&model, &torus, false);
-    let mut viewer = empty();
-    (viewer.paints, viewer.asks) = (true, true);
-    viewer.open_file(model);
-    while viewer.opening.is_some() {
-        std::thread::sleep(std::time::Duration::from_millis(2));
-        viewer.poll();
-    }
-    let harness = harness(viewer, [1280.0, 800.0]);
+    let harness = harness(asking(&model), [1280.0, 800.0]);
     let count = fantex_app::text::grouped(48 * 24 * 2);
     harness.get_by_label_contains(&format!(
         "torus.ply and the asset's mesh have {count} triangles, but at other places."
@@ -638,7 +644,7 @@ fn objects_of_a_world_that_are_to_come_are_counted() {
 }
 
 /// A window with one layer that is chosen, after a stroke.
-fn with_layer(folder: &std::path::Path) -> (Harness<'static, Viewer>, u64) {
+fn with_layer(folder: &Path) -> (Harness<'static, Viewer>, u64) {
     let mut viewer = with_painting(folder);
     wait_painted(&mut viewer);
     viewer.layer_action(&LayerAction::Add);

@@ -1,5 +1,6 @@
 //! Texts and pictures before they are applied: handles, live preview, applying, taking away.
 
+use eframe::egui::Modifiers;
 use fantex::glam::{DVec2, Vec4};
 use fantex::paint::{PaintOptions, Painter, StrokeLog};
 use fantex::store::{Asset, PageId, group_pages};
@@ -7,7 +8,7 @@ use fantex_app::paint::{LayerAction, PaintCommand, PaintTool, PenPhase, Symmetry
 
 use crate::painting::Studio;
 
-const FREE: [bool; 2] = [false; 2];
+const FREE: Modifiers = Modifiers::NONE;
 
 fn click(studio: &mut Studio, x: f64, y: f64) {
     studio.pen(PenPhase::Down, x, y, FREE);
@@ -189,7 +190,7 @@ fn what_is_let_go_does_not_follow_the_pointer() {
     click(&mut studio, 0.5, 0.85);
     studio.pen(PenPhase::Down, 0.5, 0.85, FREE);
     studio.pen(PenPhase::Move, 0.55, 0.84, FREE);
-    studio.pen(PenPhase::Up, 0.55, 0.84, [false, true]);
+    studio.pen(PenPhase::Up, 0.55, 0.84, Modifiers::ALT);
     let middle = |studio: &Studio| studio.painting.placing_outline(&studio.view).unwrap().middle;
     let there = middle(&studio);
     studio.pen(PenPhase::Move, 0.62, 0.84, FREE);

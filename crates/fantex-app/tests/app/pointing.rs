@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use eframe::egui::{Event, Pos2, pos2};
+use eframe::egui::{Event, Modifiers, Pos2, pos2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use fantex::glam::DVec2;
@@ -122,7 +122,7 @@ fn the_painter_tells_what_was_painted() {
         at: DVec2::from(at.map(f64::from)),
         pressure: 1.0,
     });
-    painting.as_mut().unwrap().pen(&events, &mut settings.paint, &view, [false; 2], notices);
+    painting.as_mut().unwrap().pen(&events, &mut settings.paint, &view, Modifiers::NONE, notices);
     wait_painted(harness.state_mut());
     let after = point(&mut harness, at, "base colour", |text| !are_near(color(text), before));
     let point_there = spot(&harness);

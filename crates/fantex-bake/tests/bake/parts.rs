@@ -96,7 +96,7 @@ fn check_gaps(planned: &Plan, parts: &[PathBuf], path: &Path, whole: &[u8], writ
 #[test]
 fn merged_parts_are_what_one_process_writes() {
     let mesh = cleaned(generate::icosphere(4));
-    let small = cover(&mesh, 64, 3_000_000);
+    let small = cover(&mesh, 64, 1_000_000);
     check_same(&mesh, &small, &WAVE, BakeFormat::Bc7, &[1, 2, 3, 7, 40]);
     // More parts than tiles; some have none.
     let mesh = cleaned(generate::icosphere(1));

@@ -195,7 +195,7 @@ fn tiles_of_many_blocks_and_pages_pass() {
 fn models_pass() {
     let bottle = bottle();
     let source = LookSource::of_model(&bottle).unwrap();
-    let bottle_cover = cover(&bottle, 256, 400_000);
+    let bottle_cover = cover(&bottle, 256, 150_000);
     for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
         let baked = baked(&bottle, &bottle_cover, &source, &options(format, Fit::Sharp));
         assert_passes(&format!("bottle, {format:?}"), &baked);
@@ -210,7 +210,7 @@ fn models_pass() {
     ] {
         let mesh = loaded(&folder, name);
         for (tile, show) in [(0, Show::Noise), (64, Show::Triangles), (256, Show::Noise)] {
-            let cover = cover(&mesh, tile, 300_000);
+            let cover = cover(&mesh, tile, 120_000);
             let format = if tile == 64 { BakeFormat::Bc7 } else { BakeFormat::Rgba8 };
             let baked = baked(&mesh, &cover, &Hard::of(show), &options(format, Fit::Sharp));
             assert_passes(&format!("{name}, {tile}"), &baked);

@@ -7,12 +7,14 @@ use std::time::{Duration, Instant};
 use fantex_bake::BakeFormat;
 use fantex_base::{Error, ErrorKind, Place};
 use fantex_bench::faulty::{FaultyReader, ReadFaults};
-use fantex_store::{ClusterId, PageId};
+use fantex_store::{ClusterId, PAGE, PageId};
 use fantex_stream::read::{FileReadOptions, RetryPolicy, open_file_reader};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader, ParcelTexels};
 use proptest::prelude::*;
 
-use crate::{Baked, all_parcels, baked, check_all, clusters, expected, expected_page, load, wait_for_all};
+use crate::{
+    Baked, all_parcels, baked, baked_with, check_all, clusters, expected, expected_page, load, wait_for_all,
+};
 
 /// Budgets so small that every limit is met all the time.
 fn tight() -> ClusterLoaderOptions {
@@ -29,7 +31,9 @@ fn tight() -> ClusterLoaderOptions {
 #[test]
 fn every_page_is_that_of_the_asset() {
     for format in [BakeFormat::Bc7, BakeFormat::Bc1, BakeFormat::Rgba8, BakeFormat::Float] {
-        let baked = baked(format);
+        let baked = baked_with(format, 400_000);
+        let mut sides = baked.asset.cover().groups.iter().flat_map(|group| group.extent);
+        assert!(sides.any(|side| side > PAGE), "no tile has several pages");
         for block_compressed in [true, false] {
             let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
             let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();

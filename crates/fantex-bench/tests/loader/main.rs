@@ -58,9 +58,14 @@ pub(crate) struct Baked {
 
 /// A torus of about a million texels per channel; some tiles are larger than a page.
 pub(crate) fn baked(format: BakeFormat) -> Baked {
+    baked_with(format, 1_000_000)
+}
+
+/// The same with another number of texels.
+pub(crate) fn baked_with(format: BakeFormat, texels: u64) -> Baked {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("torus.fan");
-    bake_torus(&path, format, 1_000_000);
+    bake_torus(&path, format, texels);
     let asset = Arc::new(Asset::open(&path).unwrap());
     Baked { path, asset, folder }
 }

@@ -11,7 +11,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::{Asset, PREVIEW};
-use fantex::{Baker, Covered, Error, FileKind, LongestEdge, Mesh, Result};
+use fantex::{Baker, Covered, Error, FileKind, LongestEdge, Mesh, Progress, Result};
 use serde::Serialize;
 
 use super::world::print_world;
@@ -269,13 +269,16 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     }
 }
 
-fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo> {
-    let started = Instant::now();
-    let mut report = mesh.notes().to_vec();
-    let progress = context.step("covering", "M texels");
-    let baker = || args.cover.given_to(Baker::new(mesh)).progress(&progress);
-    // Textures have a density of their own.
-    let of_textures = match mesh.has_materials() && !args.cover.has_budget() {
+/// The cover that a model gets: that of its textures, which have a density of their own, unless texels are asked for. Where they get none,
+/// `report` says why, and that for the default number of texels is shown.
+fn covered<'m>(
+    mesh: &'m Mesh,
+    args: &CoverArgs,
+    progress: &'m dyn Progress,
+    report: &mut Vec<String>,
+) -> Result<Covered<'m>> {
+    let baker = || args.given_to(Baker::new(mesh)).progress(progress);
+    let of_textures = match mesh.has_materials() && !args.has_budget() {
         true => baker().cover().map(Some),
         false => Ok(None),
     };
@@ -288,11 +291,18 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
             Ok(None)
         }
     })?;
-    let covered = match of_textures {
-        Some(covered) => covered,
-        None => baker().cover_shape()?,
-    };
-    let Covered { mesh: covered, cover, stats, texels_asked, left_out, .. } = covered;
+    match of_textures {
+        Some(covered) => Ok(covered),
+        None => baker().cover_shape(),
+    }
+}
+
+fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo> {
+    let started = Instant::now();
+    let mut report = mesh.notes().to_vec();
+    let progress = context.step("covering", "M texels");
+    let Covered { mesh: covered, cover, stats, texels_asked, left_out, .. } =
+        covered(mesh, &args.cover, &progress, &mut report)?;
     if context.strict {
         left_out.check()?;
     }

@@ -138,7 +138,9 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     let lights = lights(args, &camera)?;
     let filter = args.filter.unwrap_or(Filter::Anisotropic);
     let (picture, info) = if args.gpu {
-        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool_bytes(), context)?;
+        let filter = FilterOptions { filter, ..FilterOptions::default() };
+        let shot = Shot { camera: &camera, lights: &lights, options: &options, filter };
+        let drawn = render_on_gpu(&scene, shot, args.pool_bytes(), context)?;
         drawn.into_parts(scene.mesh().triangles.len() as u64)
     } else {
         let surface = scene.surface(filter, context)?;
@@ -207,7 +209,7 @@ fn render_world(args: &RenderArgs, options: &RenderOptions, context: &Context) -
     let filter =
         FilterOptions { filter: args.filter.unwrap_or(Filter::Anisotropic), ..FilterOptions::default() };
     let (picture, info) = if args.gpu {
-        draw_world(args, world, &camera, &lights, options, filter, context)?
+        draw_world(args, world, Shot { camera: &camera, lights: &lights, options, filter }, context)?
     } else {
         let scene = WorldScene::open(&args.file, &world, &camera, size, context.memory_bytes)?;
         let rendering = render(scene.mesh(), &scene.surface(filter), &camera, &lights, options)?;
@@ -232,17 +234,17 @@ fn note_coarse(objects: usize, context: &Context) {
 fn draw_world(
     args: &RenderArgs,
     world: World,
-    camera: &Camera,
-    lights: &Lights,
-    options: &RenderOptions,
-    filter: FilterOptions,
+    shot: Shot<'_>,
     context: &Context,
 ) -> Result<(Picture, RenderInfo)> {
     let gpu = Arc::new(Gpu::headless(&GpuOptions::default())?);
-    let settings =
-        WorldOptions { pool_bytes: args.pool_bytes(), geometry_bytes: context.memory_bytes / 2, filter };
+    let settings = WorldOptions {
+        pool_bytes: args.pool_bytes(),
+        geometry_bytes: context.memory_bytes / 2,
+        filter: shot.filter,
+    };
     let mut streamed = StreamedWorld::new(&args.file, Arc::new(world), settings)?;
-    if !streamed.wait_until_settled(&gpu, camera, [options.width, options.height], MAX_WAIT)? {
+    if !streamed.wait_until_settled(&gpu, shot.camera, shot.size(), MAX_WAIT)? {
         note_missing(context);
     }
     // The sentence names the file.
@@ -250,7 +252,7 @@ fn draw_world(
         return Err(Error::not_found(error.clone()));
     }
     let triangles = streamed.statistics().triangles;
-    let drawn = draw(&gpu, &mut streamed, camera, lights, options, filter)?;
+    let drawn = draw(&gpu, &mut streamed, shot)?;
     Ok(drawn.into_parts(triangles))
 }
 
@@ -300,6 +302,21 @@ fn note_missing(context: &Context) {
     context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
 }
 
+/// A picture that is drawn on the graphics card.
+#[derive(Clone, Copy)]
+struct Shot<'a> {
+    camera: &'a Camera,
+    lights: &'a Lights,
+    options: &'a RenderOptions,
+    filter: FilterOptions,
+}
+
+impl Shot<'_> {
+    fn size(&self) -> [u32; 2] {
+        [self.options.width, self.options.height]
+    }
+}
+
 /// What was drawn, and on what.
 struct GpuRendering {
     picture: Picture,
@@ -316,14 +333,8 @@ impl GpuRendering {
 }
 
 /// Draws a model that has all that it needs.
-fn draw(
-    gpu: &Gpu,
-    model: &mut dyn Model,
-    camera: &Camera,
-    lights: &Lights,
-    options: &RenderOptions,
-    filter: FilterOptions,
-) -> Result<GpuRendering> {
+fn draw(gpu: &Gpu, model: &mut dyn Model, shot: Shot<'_>) -> Result<GpuRendering> {
+    let Shot { camera, lights, options, filter } = shot;
     let settings = DrawOptions {
         shading: options.shading,
         filter,
@@ -335,32 +346,22 @@ fn draw(
         ..DrawOptions::default()
     };
     let started = Instant::now();
-    let size = [options.width, options.height];
+    let size = shot.size();
     let picture = render_to_picture(gpu, &mut Frame { size, camera, lights, model, options: &settings })?;
     Ok(GpuRendering { picture, adapter: gpu.info().name.clone(), elapsed: started.elapsed() })
 }
 
 /// Draws a model with its own textures, or an asset through an atlas of at most `pool_bytes`.
-fn render_on_gpu(
-    scene: &Scene,
-    camera: &Camera,
-    lights: &Lights,
-    options: &RenderOptions,
-    filter: Filter,
-    pool_bytes: u64,
-    context: &Context,
-) -> Result<GpuRendering> {
+fn render_on_gpu(scene: &Scene, shot: Shot<'_>, pool_bytes: u64, context: &Context) -> Result<GpuRendering> {
     let gpu = Gpu::headless(&GpuOptions::default())?;
-    let size = [options.width, options.height];
-    let filter = FilterOptions { filter, ..FilterOptions::default() };
     let Some(asset) = scene.asset() else {
         let mut model = UvModel::load(&gpu, scene.mesh())?;
         context.report_left_out(scene.path(), model.left_out())?;
-        return draw(&gpu, &mut model, camera, lights, options, filter);
+        return draw(&gpu, &mut model, shot);
     };
     let mut streamed = StreamedModel::open(&gpu, asset.clone(), pool_bytes)?;
-    let view = stream_view(camera, size, streamed.model.space());
-    let is_sharp = streamed.wait_until_sharp(&gpu, &view, &filter, MAX_WAIT)?;
+    let view = stream_view(shot.camera, shot.size(), streamed.model.space());
+    let is_sharp = streamed.wait_until_sharp(&gpu, &view, &shot.filter, MAX_WAIT)?;
     let figures = streamed.streamer.statistics();
     if figures.bias_levels > 0.0 {
         context.note(format!(
@@ -375,7 +376,7 @@ fn render_on_gpu(
         context
             .report_damage(format!("{parcel} cannot be read, a coarser level takes its place: {error}"))?;
     }
-    draw(&gpu, &mut streamed.model, camera, lights, options, filter)
+    draw(&gpu, &mut streamed.model, shot)
 }
 
 #[derive(Debug, Default, Serialize)]

@@ -1,11 +1,12 @@
 //! `fantex split`: a large asset as a world of small ones.
 
 use std::path::PathBuf;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use fantex::addresses::is_address;
-use fantex::{Result, SectorPreviews, SplitOptions, StoreFolder, World, split};
+use fantex::store::Asset;
+use fantex::{Result, SectorPreviews, Split, SplitOptions, StoreFolder, World, split};
 use serde::Serialize;
 
 use crate::context::{Context, check_can_be_folder};
@@ -102,40 +103,48 @@ pub(crate) fn run(args: &SplitArgs, context: &Context) -> Result<()> {
         }
     };
     written.notes.iter().for_each(|note| context.note(note));
-    let World { objects, coarse } = &written.world;
-    let previews = || objects.iter().filter_map(|object| object.preview);
-    let info = SplitInfo {
-        index: written.index.into(),
-        sectors: objects.len() as u64,
-        triangles: objects.iter().map(|object| object.triangles).sum(),
-        bytes: objects.iter().map(|object| object.bytes).sum(),
-        bytes_before: asset.file_bytes(),
-        repeated_texels: written.repeated_texels,
-        preview_triangles: previews().map(|preview| preview.triangles).sum(),
-        preview_texels: previews().map(|preview| preview.texels).sum(),
-        coarse: coarse.len() as u64,
-        coarse_triangles: coarse.iter().map(|coarse| coarse.triangles).sum(),
-        coarse_bytes: coarse.iter().map(|coarse| coarse.bytes).sum(),
-        notes: written.notes,
-        seconds: started.elapsed().as_secs_f64(),
+    let info = SplitInfo::of(written, &asset, started.elapsed());
+    context.print(&info, split_text)
+}
+
+impl SplitInfo {
+    fn of(written: Split, asset: &Asset, time: Duration) -> Self {
+        let World { objects, coarse } = &written.world;
+        let previews = || objects.iter().filter_map(|object| object.preview);
+        Self {
+            index: written.index.into(),
+            sectors: objects.len() as u64,
+            triangles: objects.iter().map(|object| object.triangles).sum(),
+            bytes: objects.iter().map(|object| object.bytes).sum(),
+            bytes_before: asset.file_bytes(),
+            repeated_texels: written.repeated_texels,
+            preview_triangles: previews().map(|preview| preview.triangles).sum(),
+            preview_texels: previews().map(|preview| preview.texels).sum(),
+            coarse: coarse.len() as u64,
+            coarse_triangles: coarse.iter().map(|coarse| coarse.triangles).sum(),
+            coarse_bytes: coarse.iter().map(|coarse| coarse.bytes).sum(),
+            notes: written.notes,
+            seconds: time.as_secs_f64(),
+        }
+    }
+}
+
+fn split_text(info: &SplitInfo) -> String {
+    let coarse = match info.coarse {
+        0 => String::new(),
+        count => {
+            let triangles = counted(info.coarse_triangles, "triangle");
+            format!("{} of {triangles}, ", counted(count, "coarse asset"))
+        }
     };
-    context.print(&info, |info| {
-        let coarse = match info.coarse {
-            0 => String::new(),
-            count => {
-                let triangles = counted(info.coarse_triangles, "triangle");
-                format!("{} of {triangles}, ", counted(count, "coarse asset"))
-            }
-        };
-        format!(
-            "{}: {} of {}, {} (the asset: {}), previews of {}, {coarse}{:.1} s\n",
-            info.index.display(),
-            counted(info.sectors, "sector"),
-            counted(info.triangles, "triangle"),
-            megabytes(info.bytes),
-            megabytes(info.bytes_before),
-            counted(info.preview_triangles, "triangle"),
-            info.seconds
-        )
-    })
+    format!(
+        "{}: {} of {}, {} (the asset: {}), previews of {}, {coarse}{:.1} s\n",
+        info.index.display(),
+        counted(info.sectors, "sector"),
+        counted(info.triangles, "triangle"),
+        megabytes(info.bytes),
+        megabytes(info.bytes_before),
+        counted(info.preview_triangles, "triangle"),
+        info.seconds
+    )
 }

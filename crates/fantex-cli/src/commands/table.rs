@@ -140,16 +140,18 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
         min: min.to_array(),
         max: max.to_array(),
     };
-    context.print(&info, |info| {
-        let slices = if args.slices.is_some() { format!(" x {}", info.slices) } else { String::new() };
-        let ([r0, g0, b0, a0], [r1, g1, b1, a1]) = (info.min, info.max);
-        format!(
-            "{}: {} x {}{slices} texels of {}; red {r0:.3} to {r1:.3}, green {g0:.3} to {g1:.3}, blue {b0:.3} to {b1:.3}, alpha {a0:.3} \
-             to {a1:.3}\n",
-            info.output.display(),
-            info.width,
-            info.height,
-            info.texture
-        )
-    })
+    context.print(&info, |info| table_text(info, args.slices.is_some()))
+}
+
+fn table_text(info: &TableInfo, has_slices: bool) -> String {
+    let slices = if has_slices { format!(" x {}", info.slices) } else { String::new() };
+    let ([r0, g0, b0, a0], [r1, g1, b1, a1]) = (info.min, info.max);
+    format!(
+        "{}: {} x {}{slices} texels of {}; red {r0:.3} to {r1:.3}, green {g0:.3} to {g1:.3}, blue {b0:.3} to {b1:.3}, alpha {a0:.3} \
+         to {a1:.3}\n",
+        info.output.display(),
+        info.width,
+        info.height,
+        info.texture
+    )
 }

@@ -5,8 +5,8 @@ use std::process::Command;
 
 use fantex_test::skip;
 
-use crate::objects::{LAND, Store, bucket_in, land};
-use crate::{COLORED_PLY, files, json, succeeds, write};
+use crate::objects::{LAND, Store, assert_split_into_bucket, bucket_in, land};
+use crate::{COLORED_PLY, files, succeeds, write};
 
 /// The key of the account that emulators have.
 const KEY: [(&str, &str); 1] = [(
@@ -218,25 +218,7 @@ fn worlds_and_previews_are_written_to_containers() {
     let folder = tempfile::tempdir().unwrap();
     let bucket = bucket_in(folder.path());
     let Some(store) = serve(&bucket) else { return skip(NO_PYTHON) };
-    let (model, asset) = (land(folder.path()), folder.path().join("land.fan"));
-    let [model, asset] = [&model, &asset].map(|path| path.to_str().unwrap());
-    store.json(&[&["bake", model, "-o", asset][..], &LAND].concat());
-    let here = folder.path().join("here");
-    json(&[&"split", &asset, &"-o", &here, &"--triangles", &"5k"]);
-    let split = ["split", asset, "-o", "az://scans/land", "--triangles", "5k"];
-    let info = store.json(&split);
-    assert_eq!(info["index"], "az://scans/land/land.fanworld");
-    let there = bucket.join("land");
-    assert_eq!(files(&there), files(&here));
-    for name in files(&here) {
-        let [ours, theirs] = [&here, &there].map(|folder| std::fs::read(folder.join(&name)).unwrap());
-        assert!(ours == theirs, "{name}");
-    }
-    assert_eq!(store.json(&["verify", "az://scans/land/land.fanworld"])["ok"], true);
-    store.fails(1, &["az://scans/land/land.fanworld exists already"], &split, &KEY);
-    let fewer = store.json(&["split", asset, "-o", "az://scans/land/", "--triangles", "12k", "--force"]);
-    assert_eq!(files(&there).len() as u64, fewer["sectors"].as_u64().unwrap() + 1);
-    assert!(files(&there).len() < files(&here).len());
+    let (asset, _) = assert_split_into_bucket(&store, folder.path(), "az");
 
     std::fs::copy(asset, bucket.join("whole.fan")).unwrap();
     let (index, whole) = ("az://scans/town.fanworld", "az://scans/whole.fan");

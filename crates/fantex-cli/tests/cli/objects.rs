@@ -473,34 +473,41 @@ fn what_cannot_be_written_is_refused_before_any_work() {
     }
 }
 
+/// Bakes the [`land`] and splits it into a folder and into the store's [bucket](bucket_in), which come to hold the same; fewer sectors take their
+/// place by force. Gives the asset and the folder.
+pub(crate) fn assert_split_into_bucket(store: &Store, folder: &Path, scheme: &str) -> (PathBuf, PathBuf) {
+    let (model, path) = (land(folder), folder.join("land.fan"));
+    let [model, asset] = [&model, &path].map(|path| path.to_str().unwrap());
+    store.json(&[&["bake", model, "-o", asset][..], &LAND].concat());
+    let here = folder.join("here");
+    json(&[&"split", &asset, &"-o", &here, &"--triangles", &"5k"]);
+    let target = format!("{scheme}://scans/land");
+    let index = format!("{target}/land.fanworld");
+    let split = ["split", asset, "-o", &target, "--triangles", "5k"];
+    assert_eq!(store.json(&split)["index"], index);
+    let there = folder.join("bucket/land");
+    assert_eq!(files(&there), files(&here));
+    for name in files(&here) {
+        let [ours, theirs] = [&here, &there].map(|folder| std::fs::read(folder.join(&name)).unwrap());
+        assert!(ours == theirs, "{name}");
+    }
+    assert_eq!(store.json(&["verify", &index])["ok"], true);
+    store.fails(1, &[&format!("{index} exists already")], &split, store.keys);
+    let slashed = format!("{target}/");
+    let fewer = store.json(&["split", asset, "-o", &slashed, "--triangles", "12k", "--force"]);
+    assert_eq!(files(&there).len() as u64, fewer["sectors"].as_u64().unwrap() + 1);
+    assert!(files(&there).len() < files(&here).len());
+    assert_eq!(store.json(&["verify", &index])["ok"], true);
+    (path, here)
+}
+
 #[test]
 fn worlds_and_previews_are_written_to_buckets() {
     let folder = tempfile::tempdir().unwrap();
     let bucket = bucket_in(folder.path());
     let Some(store) = serve(&bucket) else { return skip("no python3, in which the object store is written") };
-    let (model, asset) = (land(folder.path()), folder.path().join("land.fan"));
-    let [model, asset] = [&model, &asset].map(|path| path.to_str().unwrap());
-    store.json(&[&["bake", model, "-o", asset][..], &LAND].concat());
-    let here = folder.path().join("here");
-    json(&[&"split", &asset, &"-o", &here, &"--triangles", &"5k"]);
-    let split = ["split", asset, "-o", "s3://scans/land", "--triangles", "5k"];
-    let info = store.json(&split);
-    assert_eq!(info["index"], "s3://scans/land/land.fanworld");
-    let there = bucket.join("land");
-    assert_eq!(files(&there), files(&here));
-    for name in files(&here) {
-        assert_eq!(
-            std::fs::read(there.join(&name)).unwrap(),
-            std::fs::read(here.join(&name)).unwrap(),
-            "{name}"
-        );
-    }
-    assert_eq!(store.json(&["verify", "s3://scans/land/land.fanworld"])["ok"], true);
-    store.fails(1, &["s3://scans/land/land.fanworld exists already"], &split, &KEYS);
-    let fewer = store.json(&["split", asset, "-o", "s3://scans/land/", "--triangles", "12k", "--force"]);
-    assert_eq!(files(&there).len() as u64, fewer["sectors"].as_u64().unwrap() + 1);
-    assert!(files(&there).len() < files(&here).len());
-    assert_eq!(store.json(&["verify", "s3://scans/land/land.fanworld"])["ok"], true);
+    let (asset, here) = assert_split_into_bucket(&store, folder.path(), "s3");
+    let asset = asset.to_str().unwrap();
 
     // Keys that may not list: the store does not say what is not there.
     store.faults("unlisted=1");

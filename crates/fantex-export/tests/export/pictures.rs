@@ -37,23 +37,10 @@ fn export(baked: &Baked, map: ChannelMap, depth: Depth, name: &str) -> Image {
     Image::load_as(&path, space).unwrap()
 }
 
-const ALL: [ChannelMap; 10] = [
-    ChannelMap::BaseColor,
-    ChannelMap::Opacity,
-    ChannelMap::Normal,
-    ChannelMap::OcclusionRoughnessMetallic,
-    ChannelMap::Occlusion,
-    ChannelMap::Roughness,
-    ChannelMap::Metallic,
-    ChannelMap::Emission,
-    ChannelMap::Displacement,
-    ChannelMap::Light,
-];
-
 #[test]
 fn every_channel_is_the_same_in_every_format() {
     let baked = sphere();
-    for map in ALL {
+    for map in ChannelMap::ALL {
         let name = |e: &str| format!("{}.{e}", map.name());
         let exact = export(&baked, map, Depth::Eight, &name("exr"));
         let shorts = export(&baked, map, Depth::Sixteen, &format!("16-{}", name("png")));

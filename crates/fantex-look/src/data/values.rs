@@ -12,7 +12,7 @@ use serde::de::{self, IntoDeserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A texture's name and the channel that may follow it behind a dot.
-pub fn split_channel(text: &str) -> (&str, Option<Channel>) {
+pub(crate) fn split_channel(text: &str) -> (&str, Option<Channel>) {
     let channel = |name: &str| match name {
         "r" => Some(Channel::Red),
         "g" => Some(Channel::Green),

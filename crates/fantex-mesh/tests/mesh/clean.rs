@@ -9,6 +9,8 @@ use fantex_mesh::{CleanOptions, CleanReport, CornerAttributes, Mesh, Model, Topo
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 
+use crate::common::PROJECTIVE_PLANE;
+
 /// A model without attributes.
 pub(crate) fn soup(
     positions: impl IntoIterator<Item = [f64; 3]>,
@@ -148,19 +150,7 @@ fn one_sided_surfaces_keep_a_seam_and_are_reported() {
 #[test]
 fn the_projective_plane_of_six_vertices_is_closed_but_not_orientable() {
     let positions = (0..6).map(|i| [f64::from(i), f64::from(i * i), f64::from(i * i * i)]);
-    let faces = [
-        [0, 1, 2],
-        [0, 2, 3],
-        [0, 3, 4],
-        [0, 4, 5],
-        [0, 5, 1],
-        [1, 2, 4],
-        [2, 3, 5],
-        [3, 4, 1],
-        [4, 5, 2],
-        [5, 1, 3],
-    ];
-    let (_, report) = cleaned(soup(positions, faces));
+    let (_, report) = cleaned(soup(positions, PROJECTIVE_PLANE));
     assert_eq!((report.topology.euler_characteristic(), report.topology.edges_boundary), (1, 0));
     assert_eq!(report.non_orientable_components, 1);
     assert!(report.topology.edges_inconsistent > 0 && report.topology.genus().is_none());

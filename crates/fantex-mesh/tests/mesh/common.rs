@@ -1,4 +1,4 @@
-//! Helpers of the loader tests.
+//! What tests of several subjects share.
 
 use std::path::Path;
 
@@ -6,6 +6,20 @@ use fantex_base::Result;
 use fantex_mesh::{LoadOptions, Model, load, load_bytes};
 
 pub(crate) use fantex_test::data_folder;
+
+/// The projective plane of six vertices: half of an icosahedron.
+pub(crate) const PROJECTIVE_PLANE: [[u32; 3]; 10] = [
+    [0, 1, 2],
+    [0, 2, 3],
+    [0, 3, 4],
+    [0, 4, 5],
+    [0, 5, 1],
+    [1, 2, 4],
+    [2, 3, 5],
+    [3, 4, 1],
+    [4, 5, 2],
+    [5, 1, 3],
+];
 
 /// Loads the first file, with the others beside it (in a temporary folder; a single file needs none).
 pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Model> {

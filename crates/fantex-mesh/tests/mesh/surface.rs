@@ -12,7 +12,7 @@ use fantex_test::{cleaned, loaded};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 
-use crate::common::data_folder;
+use crate::common::{PROJECTIVE_PLANE, data_folder};
 
 fn fans_of(triangles: &[[u32; 3]]) -> Fans {
     let vertices = triangles.iter().flatten().max().map_or(0, |&v| v as usize + 1);
@@ -164,20 +164,6 @@ fn klein_bottle(n: u32, m: u32) -> Vec<[u32; 3]> {
         })
         .collect()
 }
-
-/// The projective plane of six vertices: half of an icosahedron.
-const PROJECTIVE_PLANE: [[u32; 3]; 10] = [
-    [0, 1, 2],
-    [0, 2, 3],
-    [0, 3, 4],
-    [0, 4, 5],
-    [0, 5, 1],
-    [1, 2, 4],
-    [2, 3, 5],
-    [3, 4, 1],
-    [4, 5, 2],
-    [5, 1, 3],
-];
 
 #[test]
 fn surfaces_that_cannot_be_oriented_have_reversed_corners() {

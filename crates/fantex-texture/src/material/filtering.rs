@@ -111,7 +111,7 @@ fn alphas(level: &Image) -> Vec<f32> {
 }
 
 /// The factor that lets a share of `covered` of some alphas (at least one) reach the threshold of a cut-out; at most 64.
-pub fn coverage_scale(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
+pub(crate) fn coverage_scale(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
     if covered <= 0.0 || covered >= 1.0 {
         return 1.0;
     }

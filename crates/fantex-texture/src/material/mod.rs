@@ -83,7 +83,7 @@ impl<T> ImageSlots<T> {
     }
 
     /// All of them, in the order of the fields.
-    pub fn into_array(self) -> [T; 5] {
+    pub(crate) fn into_array(self) -> [T; 5] {
         [self.base_color, self.metallic_roughness, self.normal, self.occlusion, self.emission]
     }
 }

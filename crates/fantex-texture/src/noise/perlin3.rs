@@ -129,7 +129,7 @@ impl Noise {
     }
 
     /// A random number in [0,1) of a cell.
-    pub fn cell_value(&self, cell: IVec3) -> f32 {
+    pub(crate) fn cell_value(&self, cell: IVec3) -> f32 {
         unit(self.hash(cell))
     }
 

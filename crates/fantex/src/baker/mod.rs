@@ -40,7 +40,8 @@ pub use merge::{Merge, Merged};
 pub use own_materials::OwnLook;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
-pub use refined::{LongestEdge, budget_texels};
+pub use refined::LongestEdge;
+pub(crate) use refined::budget_texels;
 pub use source::Source;
 
 use self::channels::FilledChannels;

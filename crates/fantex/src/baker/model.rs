@@ -14,8 +14,7 @@ use fantex_store::Asset;
 use fantex_texture::material::LeftOut;
 
 use super::own_materials::OwnDensity;
-use super::{Baked, Baker, Goal};
-use crate::budget_texels;
+use super::{Baked, Baker, Goal, budget_texels};
 
 /// The surface has about this share of a picture's texels.
 const SURFACE_SHARE: f64 = 0.5;

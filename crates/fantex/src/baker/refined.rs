@@ -34,7 +34,7 @@ const MIN_SIDE_TEXELS: f64 = 32.0;
 const MIN_GROWTH: f64 = 1.25;
 
 /// Texels of a mesh with a budget.
-pub fn budget_texels(mesh: &Mesh, budget: &TexelBudget) -> f64 {
+pub(crate) fn budget_texels(mesh: &Mesh, budget: &TexelBudget) -> f64 {
     match budget {
         TexelBudget::Total(texels) => *texels as f64,
         TexelBudget::Density(density) => density.powi(2) * mesh.area(),

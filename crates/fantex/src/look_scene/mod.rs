@@ -122,7 +122,7 @@ impl MaterialResolver<'_> {
     }
 
     /// The number of the look's object that is the model of the command line: the first without a file or a shape.
-    pub fn model_object(&self) -> Option<usize> {
+    fn model_object(&self) -> Option<usize> {
         self.file.look().object.iter().position(|object| object.model.is_none() && object.shape.is_none())
     }
 

@@ -77,31 +77,33 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let tip = "Surfaces turned away from you by more stay as they are";
         number("Up to", "°", 0, tip).show(ui, &mut brush.seen_degrees, 10.0..=90.0);
     }
-    let mut asks_stamp = false;
-    let open = ui.collapsing("Stroke", |ui| {
-        let brush = &mut paint.brush;
-        percent(ui, "Smoothing", &mut brush.smoothing, "How far the brush lags behind the hand");
-        number("Spacing", "", 2, "Distance of dabs in diameters").show(ui, &mut brush.spacing, 0.02..=2.0);
-        number("Scatter", "", 2, "Random distance from the way, in radii").show(
-            ui,
-            &mut brush.jitter.position,
-            0.0..=4.0,
-        );
-        percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
-        percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
-        percent(ui, "Pressure: size", &mut brush.pressure.size, "How far pressure goes into the size");
-        percent(ui, "Pressure: flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
-        asks_stamp = stamp(ui, brush);
-        let tip = "Above 0 less force does more, below 0 more force is needed";
-        number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
-        let tip =
-            "Alt + drag turns the view, and strokes may begin beside the model (Alt + click still picks)";
-        row(ui, "Alt turns", |ui| ui.checkbox(&mut paint.alt_turns, "").on_hover_text(tip));
-    });
+    let open = ui.collapsing("Stroke", |ui| stroke_options(ui, paint));
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
-    if asks_stamp {
+    if open.body_returned == Some(true) {
         viewer.request(Request::Dialog(FileDialog::Stamp));
     }
+}
+
+/// How dabs follow the hand; whether a stamp is to be chosen.
+fn stroke_options(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
+    let brush = &mut paint.brush;
+    percent(ui, "Smoothing", &mut brush.smoothing, "How far the brush lags behind the hand");
+    number("Spacing", "", 2, "Distance of dabs in diameters").show(ui, &mut brush.spacing, 0.02..=2.0);
+    number("Scatter", "", 2, "Random distance from the way, in radii").show(
+        ui,
+        &mut brush.jitter.position,
+        0.0..=4.0,
+    );
+    percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
+    percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
+    percent(ui, "Pressure: size", &mut brush.pressure.size, "How far pressure goes into the size");
+    percent(ui, "Pressure: flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
+    let asks_stamp = stamp(ui, brush);
+    let tip = "Above 0 less force does more, below 0 more force is needed";
+    number("Pen feel", "", 1, tip).show(ui, &mut paint.pen_softness, -1.0..=1.0);
+    let tip = "Alt + drag turns the view, and strokes may begin beside the model (Alt + click still picks)";
+    row(ui, "Alt turns", |ui| ui.checkbox(&mut paint.alt_turns, "").on_hover_text(tip));
+    asks_stamp
 }
 
 /// What the model's materials make of the opacity.

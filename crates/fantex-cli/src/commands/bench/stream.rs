@@ -1,5 +1,6 @@
 //! How well an asset streams: a camera flies a path, pages come from where the asset is.
 
+use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -184,9 +185,7 @@ fn fly(
         None => None,
     };
     let mut flight = Flight::default();
-    let mut cuts = path.cuts_seconds().into_iter().peekable();
-    let mut watch: Option<(f64, CutWatch)> = None;
-    let mut incomplete_since: Option<f64> = None;
+    let mut cuts = Cuts::of(path);
     let end = path.duration_seconds() + REST_SECONDS;
     let began = Instant::now();
     let mut last = began;
@@ -197,11 +196,7 @@ fn fly(
         last = started;
         let step = elapsed.min(MAX_STEP_SECONDS);
         path_seconds += step;
-        while cuts.next_if(|&cut| cut <= path_seconds).is_some() {
-            let seconds = (started - began).as_secs_f64();
-            flight.never_sharp += u64::from(watch.replace((seconds, CutWatch::new())).is_some());
-            incomplete_since = Some(seconds);
-        }
+        cuts.pass(path_seconds, (started - began).as_secs_f64(), &mut flight);
         let Some(camera) = path.at(path_seconds) else { break };
         let view = camera.view(&asset.mesh().world_from_mesh, args.size);
         let budget = FrameOptions::default();
@@ -213,18 +208,7 @@ fn fly(
         let changes = streamer.update(view.as_ref(), frame);
         flight.update_times.push(started.elapsed());
         flight.count(&streamer);
-        let so_far = began.elapsed().as_secs_f64();
-        if watch.as_mut().is_some_and(|(_, watch)| watch.update(&streamer))
-            && let Some((since, _)) = watch.take()
-        {
-            flight.seconds_to_sharp.push(so_far - since);
-        }
-        let figures = streamer.statistics();
-        if figures.complete_groups == figures.visible_groups
-            && let Some(since) = incomplete_since.take()
-        {
-            flight.seconds_to_complete.push(so_far - since);
-        }
+        cuts.update(&streamer, began.elapsed().as_secs_f64(), &mut flight);
         match &mut screen {
             Some(screen) => {
                 flight.device_times.extend(screen.draw(&camera, &changes)?);
@@ -238,8 +222,47 @@ fn fly(
             }
         }
     }
-    flight.never_sharp += u64::from(watch.is_some());
+    flight.never_sharp += u64::from(cuts.watch.is_some());
     Ok(flight.rows(&monitor.statistics()))
+}
+
+/// The cuts of a path, and what the view lacks since the last one.
+struct Cuts {
+    /// Those that are to come, seconds of the path.
+    coming: Peekable<std::vec::IntoIter<f64>>,
+    /// When the last one was, seconds of the flight, until the view is sharp.
+    watch: Option<(f64, CutWatch)>,
+    /// The same until a frame lacks nothing.
+    incomplete_since: Option<f64>,
+}
+
+impl Cuts {
+    fn of(path: &CameraPath) -> Self {
+        Self { coming: path.cuts_seconds().into_iter().peekable(), watch: None, incomplete_since: None }
+    }
+
+    /// Notes the cuts up to `path_seconds`; the flight has lasted `seconds`.
+    fn pass(&mut self, path_seconds: f64, seconds: f64, flight: &mut Flight) {
+        while self.coming.next_if(|&cut| cut <= path_seconds).is_some() {
+            flight.never_sharp += u64::from(self.watch.replace((seconds, CutWatch::new())).is_some());
+            self.incomplete_since = Some(seconds);
+        }
+    }
+
+    /// Notes, once a frame is decided, how long the view has taken to be sharp and complete.
+    fn update(&mut self, streamer: &Streamer, seconds: f64, flight: &mut Flight) {
+        if self.watch.as_mut().is_some_and(|(_, watch)| watch.update(streamer))
+            && let Some((since, _)) = self.watch.take()
+        {
+            flight.seconds_to_sharp.push(seconds - since);
+        }
+        let figures = streamer.statistics();
+        if figures.complete_groups == figures.visible_groups
+            && let Some(since) = self.incomplete_since.take()
+        {
+            flight.seconds_to_complete.push(seconds - since);
+        }
+    }
 }
 
 /// An off-screen target.

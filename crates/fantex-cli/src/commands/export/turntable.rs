@@ -42,22 +42,8 @@ pub(super) fn whole_turn(text: &str) -> std::result::Result<f64, String> {
 
 /// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
 pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()> {
-    if args.uv != UvArg::Atlas || args.padding.is_some() {
-        return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
-    }
     let is_animation = has_extension(&args.output, "png");
-    if args.seconds.is_some() && !is_animation {
-        return Err(Error::invalid(format!(
-            "--seconds is how long an animated .png takes, and {} becomes a folder of pictures; leave it out",
-            args.output.display()
-        )));
-    }
-    if known_extension(&args.output).is_some_and(|extension| extension != "png") {
-        return Err(Error::invalid(format!(
-            "a turntable cannot be written to {}: give the name of a .png, or of a folder for a picture per view",
-            args.output.display()
-        )));
-    }
+    check(args, is_animation)?;
     let started = Instant::now();
     let scene = Scene::open(&args.asset, context)?;
     let [width, height] = match args.size {
@@ -119,6 +105,26 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
             info.seconds
         )
     })
+}
+
+/// Refuses options that have no meaning here.
+fn check(args: &ExportArgs, is_animation: bool) -> Result<()> {
+    if args.uv != UvArg::Atlas || args.padding.is_some() {
+        return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
+    }
+    if args.seconds.is_some() && !is_animation {
+        return Err(Error::invalid(format!(
+            "--seconds is how long an animated .png takes, and {} becomes a folder of pictures; leave it out",
+            args.output.display()
+        )));
+    }
+    if known_extension(&args.output).is_some_and(|extension| extension != "png") {
+        return Err(Error::invalid(format!(
+            "a turntable cannot be written to {}: give the name of a .png, or of a folder for a picture per view",
+            args.output.display()
+        )));
+    }
+    Ok(())
 }
 
 /// A picture under a temporary name in the folder of its path.

@@ -49,25 +49,9 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     let title =
         args.title.as_deref().unwrap_or_else(|| name.strip_suffix(shown.extension()).unwrap_or(&name));
     let assets = shown.assets(&args.asset, &name)?;
-
     let own = ["index.html", "preview.png"].into_iter().chain(viewer.iter().map(|(name, _)| *name));
-    let own: Vec<&str> = own.collect();
-    let mut names = assets.iter().map(|(path, _)| path.as_str()).chain([name.as_str()]);
-    if let Some(name) = names.find(|name| own.contains(name)) {
-        return Err(Error::invalid(format!(
-            "{name} is a file of the page itself: give the asset another name"
-        )));
-    }
-
-    context.make_folder(&args.output)?;
+    check_outputs(&own.collect::<Vec<_>>(), &name, &assets, args, context)?;
     let place = |name: &str| args.output.join(name);
-    for (path, from) in &assets {
-        context.make_folder(folder_of(&place(path)))?;
-        context.check_output_of(&place(path), from)?;
-    }
-    own.into_iter()
-        .chain([name.as_str()])
-        .try_for_each(|name| context.check_output_of(&place(name), &args.asset))?;
     let _deferral = context.defer_interrupt();
     let mut files = Vec::new();
     let mut bytes = 0;
@@ -115,6 +99,31 @@ pub(super) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
             megabytes(info.bytes)
         )
     })
+}
+
+/// Makes the folders of the page; refuses to write over what is there, and over its `own` files with what it shows, of this `name` and in these
+/// `assets`.
+fn check_outputs(
+    own: &[&str],
+    name: &str,
+    assets: &[(String, PathBuf)],
+    args: &ExportArgs,
+    context: &Context,
+) -> Result<()> {
+    let mut names = assets.iter().map(|(path, _)| path.as_str()).chain([name]);
+    if let Some(name) = names.find(|name| own.contains(name)) {
+        return Err(Error::invalid(format!(
+            "{name} is a file of the page itself: give the asset another name"
+        )));
+    }
+    context.make_folder(&args.output)?;
+    for (path, from) in assets {
+        let place = args.output.join(path);
+        context.make_folder(folder_of(&place))?;
+        context.check_output_of(&place, from)?;
+    }
+    let mut rest = own.iter().copied().chain([name]);
+    rest.try_for_each(|name| context.check_output_of(&args.output.join(name), &args.asset))
 }
 
 /// What the page shows.

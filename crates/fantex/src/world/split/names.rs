@@ -12,14 +12,14 @@ pub(super) const COARSE_PREFIX: &str = "coarse-";
 
 impl Split {
     /// The file name of the index of the sectors of an asset at a path or an address.
-    pub fn index_name(asset: &Path) -> String {
+    pub(crate) fn index_name(asset: &Path) -> String {
         let asset = url_of(asset).map_or(asset, |url| Path::new(url.split(['?', '#']).next().unwrap_or(url)));
         let name = asset.file_stem().map_or_else(|| "world".into(), |stem| stem.to_string_lossy());
         format!("{name}.{WORLD_EXTENSION}")
     }
 
     /// Whether a file name is that of a sector or of a coarse asset; such files of a world go when another takes its place.
-    pub fn is_asset_name(file: &str) -> bool {
+    pub(crate) fn is_asset_name(file: &str) -> bool {
         parts_of_name(file).is_some()
     }
 
