@@ -170,13 +170,14 @@ fn question(ui: &mut Ui, asked: &mut Asked) -> Option<Option<Answer>> {
         }
         Question::Foreign { asset, triangles: [ours, theirs], texels, strokes } => {
             title(ui, format!("{} is of another mesh", name(asset)));
-            let counts = [ours, theirs].map(|&count| grouped(count as u64));
+            let counts = [ours, theirs]
+                .map(|&count| format!("{} {}", grouped(count as u64), numbered(count as u64, "triangle")));
             let difference = match counts {
                 [ours, theirs] if ours != theirs => {
-                    format!("{model} has {ours} triangles, the asset's mesh {theirs}.")
+                    format!("{model} has {ours}, the asset's mesh {theirs}.")
                 }
                 [both, _] => {
-                    format!("{model} and the asset's mesh have {both} triangles, but at other places.")
+                    format!("{model} and the asset's mesh have {both}, but at other places.")
                 }
             };
             let (count, noun) = (grouped(*strokes as u64), numbered(*strokes, "stroke"));
