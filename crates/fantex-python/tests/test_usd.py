@@ -462,7 +462,7 @@ def test_what_eight_bits_do_not_hold(tmp_path):
     (described,) = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])["materials"]
     assert described["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] == 4
     assert abs(linear(images_of(glb)["emissiveTexture"][0, 0, 1]) - 0.25) < 0.005
-    (note,) = notes
+    (note,) = (note for note in notes if "a.exr" in note)
     assert "a.exr are rounded to 8 bits" in note
 
 
