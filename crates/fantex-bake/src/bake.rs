@@ -143,8 +143,8 @@ impl<'a> Job<'a> {
     ) -> Result<Self> {
         if cover.corner_groups.len() != mesh.triangles.len() {
             return Err(Error::invalid(format!(
-                "the cover has {} triangles, the mesh {}: build the cover of this mesh first",
-                cover.corner_groups.len(),
+                "the cover has {}, the mesh {}: build the cover of this mesh first",
+                counted(cover.corner_groups.len(), "triangle"),
                 mesh.triangles.len()
             )));
         }

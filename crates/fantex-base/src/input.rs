@@ -17,7 +17,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, Once, PoisonError};
 
-use crate::{Error, Result};
+use crate::{Error, Result, are, counted};
 
 /// What [`ReadLimits`] allow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,9 +176,13 @@ const REMEDY: &str = if cfg!(target_arch = "wasm32") {
 
 /// What would take more memory than is left of what is allowed.
 pub fn too_large(what: impl Display, bytes: u64, left: u64) -> Error {
-    let (one, unit) = if bytes < 1 << 20 { (1, "bytes") } else { (1 << 20, "MiB") };
-    let (needed, left) = (bytes.div_ceil(one), left / one);
-    Error::too_large(format!("{what} would take {needed} {unit} of memory, {left} {unit} are left; {REMEDY}"))
+    let (needed, left, are) = if bytes < 1 << 20 {
+        (counted(bytes, "byte").to_string(), counted(left, "byte").to_string(), are(left))
+    } else {
+        let left = left >> 20;
+        (format!("{} MiB", bytes.div_ceil(1 << 20)), format!("{left} MiB"), are(left))
+    };
+    Error::too_large(format!("{what} would take {needed} of memory, {left} {are} left; {REMEDY}"))
 }
 
 /// Opens a regular file for reading: no folder, and neither a device nor a pipe, which may never end.

@@ -39,7 +39,7 @@ pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use json_problem::json_problem;
 pub use random::Random;
-pub use text::{counted, grouped, numbered, percent, uri_escaped};
+pub use text::{are, counted, grouped, numbered, percent, uri_escaped, were};
 pub use union_find::UnionFind;
 pub use vectors::vector_level;
 

@@ -25,12 +25,30 @@ pub fn numbered<N: PartialEq + From<u8>>(count: N, noun: &str) -> Cow<'_, str> {
     if count == N::from(1) {
         return noun.into();
     }
-    let plural = match noun.strip_suffix("ex") {
-        Some(stem) => format!("{stem}ices"),
-        None if ["ch", "sh", "x"].iter().any(|end| noun.ends_with(end)) => format!("{noun}es"),
-        None => format!("{noun}s"),
+    let plural = match (noun.strip_suffix("ex"), noun.strip_suffix("ry")) {
+        (Some(stem), _) => format!("{stem}ices"),
+        (_, Some(stem)) => format!("{stem}ries"),
+        _ if ["ch", "sh", "x"].iter().any(|end| noun.ends_with(end)) => format!("{noun}es"),
+        _ => format!("{noun}s"),
     };
     plural.into()
+}
+
+/// The verb that a count asks for: `is` or `are`.
+///
+/// ```
+/// use fantex_base::{are, counted};
+///
+/// let sentence = |missing: u32| format!("{missing} of {} {} missing", counted(6, "entry"), are(missing));
+/// assert_eq!([1, 2].map(sentence), ["1 of 6 entries is missing", "2 of 6 entries are missing"]);
+/// ```
+pub fn are<N: PartialEq + From<u8>>(count: N) -> &'static str {
+    if count == N::from(1) { "is" } else { "are" }
+}
+
+/// The same in the past: `was` or `were`.
+pub fn were<N: PartialEq + From<u8>>(count: N) -> &'static str {
+    if count == N::from(1) { "was" } else { "were" }
 }
 
 /// What stands for itself in an address: unreserved characters (RFC 3986, section 2.3).

@@ -158,10 +158,13 @@ impl<'a> Sizing<'a> {
             .map(|(group, l)| (l.region.size * l.density).max_element() * scales.of(group))
             .reduce(|| 0.0, f32::max);
         if longest + 1.0 > MAX_EXTENT as f32 {
-            let wanted = (longest + 1.0) as u64;
+            let wanted = f64::from(longest.min(f32::MAX)) + 1.0;
+            let readable = |n: f64| if n < 1e9 { format!("{:.0}", n.ceil()) } else { format!("{n:.0e}") };
+            let (needed, factor) = (readable(wanted), readable(wanted / f64::from(MAX_EXTENT)));
             return Err(Error::too_large(format!(
-                "a tile would need {wanted} texels along one side, the limit is {MAX_EXTENT}: ask for fewer texels, or cut the triangles \
-                 (--longest-edge does so where the surface bends; large flat ones are to be subdivided in the model)"
+                "a tile would need {needed} texels along one side, the limit is {MAX_EXTENT}: lower the density {factor} times (the \
+             number of texels by the square of that), or cut the triangles (--longest-edge does so where the surface bends; large flat \
+             ones are to be subdivided in the model)"
             )));
         }
         let placed = |(group, laid): (usize, &Laid)| place(laid, scales.of(group));

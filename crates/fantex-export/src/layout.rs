@@ -1,7 +1,7 @@
 //! Where every triangle lies in which picture.
 
 use fantex_bake::Progress;
-use fantex_base::{Aabb, Error, Result};
+use fantex_base::{Aabb, Error, Result, counted};
 use fantex_mesh::{Mesh, morton};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -212,9 +212,9 @@ fn packed_charts(
         return Err(cancelled());
     }
     let packed = packed.ok_or_else(|| {
-        let (count, side) = (charts.len(), request.side.unwrap_or(request.largest_side));
+        let (pieces, side) = (counted(charts.len(), "piece"), request.side.unwrap_or(request.largest_side));
         Error::too_large(format!(
-            "{count} pieces of the surface do not fit a picture of {side} x {side} texels; give a larger --size or a smaller \
+            "the surface in {pieces} does not fit a picture of {side} x {side} texels; give a larger --size or a smaller \
              --padding"
         ))
     })?;

@@ -186,7 +186,8 @@ fn side_that_parts(points: &[Vec2]) -> f32 {
     (2.0 / least(|p| p.x).min(least(|p| p.y))).min(MAX_SIDE_OF_POINTS)
 }
 
-/// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1.
+/// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1 by more than half a texel: for less, as
+/// of coordinates that were rounded, a picture that ends there does, and one that repeats would mix in the colours of its other side.
 fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
     let (low, high) = (uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2]));
     let range = || {
@@ -218,7 +219,8 @@ fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
             page.placed.push(Placed { triangle, chart: 0, corners, continues: NOBODY });
         }
     }
-    Ok(first != glam::IVec2::ZERO || last != glam::IVec2::ZERO)
+    let margin = 0.5 / page.side as f32;
+    Ok(low.min_element() < -margin || high.max_element() > 1.0 + margin)
 }
 
 #[cfg(test)]
@@ -242,6 +244,15 @@ mod tests {
             assert_eq!(places.find(moved), Some(name));
         }
         assert_eq!(places.find(DVec3::splat(0.5)), None);
+    }
+
+    #[test]
+    fn pictures_repeat_only_where_coordinates_leave_them() {
+        for (most, repeats) in [(0.5, false), (1.0, false), (1.0 + 1e-6, false), (1.5, true), (-0.5, true)] {
+            let mut page = Page { side: 64, block: 64, ..Page::default() };
+            let corners = [Vec2::ZERO, Vec2::new(most, 0.0), Vec2::new(0.0, most)];
+            assert_eq!(place(0, corners, &mut page).unwrap(), repeats, "{most}");
+        }
     }
 
     #[test]

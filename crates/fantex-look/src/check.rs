@@ -13,7 +13,7 @@ use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeArray, DeInteger, DeTable, DeValue};
 
-use fantex_base::Error;
+use fantex_base::{Error, counted};
 use fantex_texture::Color;
 
 use crate::data::{Look, split_channel};
@@ -395,7 +395,7 @@ fn unexpected(expected: &str, found: &DeValue<'_>) -> Error {
 }
 
 fn entries(count: usize) -> String {
-    format!("{count} {}", if count == 1 { "entry" } else { "entries" })
+    counted(count, "entry").to_string()
 }
 
 fn phrase(schema: &Value) -> String {

@@ -13,7 +13,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use fantex_store::{
     Asset, AssetEditor, ChannelKind, CommitSummary, Damage, EditOptions, PageCache, PageId, is_disk_full,
     page_extent,
@@ -411,7 +411,8 @@ impl Painter {
 
     pub(crate) fn check_channel(&self, channel: usize) -> Result<()> {
         let count = self.editor.asset().channels().len();
-        let sentence = || format!("the asset has {count} channels; there is no channel {channel} to paint");
+        let sentence =
+            || format!("the asset has {}; there is no channel {channel} to paint", counted(count, "channel"));
         (channel < count).then_some(()).ok_or_else(|| Error::invalid(sentence()))
     }
 

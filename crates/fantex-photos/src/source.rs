@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{Progress, Source, TexelPoint, for_each_run};
-use fantex_base::{Error, ErrorKind, Result};
+use fantex_base::{Error, ErrorKind, Result, counted};
 use fantex_mesh::{Mesh, SurfacePoint};
 use glam::{DVec3, Vec3, Vec4};
 
@@ -65,9 +65,9 @@ impl<'a> PhotoSource<'a> {
         if views.iter().all(Option::is_none) {
             let eyes: DVec3 = photographs.iter().map(|p| p.camera_from_world.eye()).sum();
             let middle = eyes / photographs.len().max(1) as f64;
-            let count = photographs.len();
+            let photographs = counted(photographs.len(), "photograph");
             return Err(Error::unsupported(format!(
-                "none of the {count} photographs sees the model: it must lie in the coordinates of the cameras, whose middle is \
+                "none of {photographs} sees the model: it must lie in the coordinates of the cameras, whose middle is \
                  at {middle:.6}, and its triangles must be seen from outside"
             )));
         }

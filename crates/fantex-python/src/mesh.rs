@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex::addresses::check_is_path;
+use fantex::base::counted;
 use fantex::export::{UnwrapOptions, unwrap_triangles};
 use fantex::glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use fantex::look::look_of_model;
@@ -247,9 +248,9 @@ fn per_corner<const N: usize, T: From<[f32; N]> + Copy>(
     let Some(values) = values else { return Ok(Vec::new()) };
     let values = rows::<N, f32>(&values, name)?;
     if values.len() != vertices {
-        let count = values.len();
+        let (rows, positions) = (counted(values.len(), "row"), counted(vertices, "position"));
         return Err(PyValueError::new_err(format!(
-            "{name} has {count} rows, but there are {vertices} positions"
+            "{name} has {rows}, but it needs one for each of {positions}"
         )));
     }
     Ok(faces.as_flattened().iter().map(|&v| T::from(values[v as usize])).collect())

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use fantex::addresses::{check_is_path, is_address};
-use fantex::base::counted;
+use fantex::base::{are, counted};
 use fantex::store::{JUMP_BOUND, VerifyOptions};
 use fantex::{
     Error, PreviewOptions, SectorPreviews, SplitOptions, StoreFolder, WorldChange, WorldScene, damage_note,
@@ -90,8 +90,8 @@ impl World {
             let mut notes: Vec<String> =
                 scene.damage().filter_map(|damage| damage_note(place, &damage)).collect();
             if scene.coarse() > 0 {
-                let objects = counted(scene.coarse() as u64, "object");
-                notes.push(format!("{objects} are coarser than the picture could show; give more memory="));
+                let (objects, are) = (counted(scene.coarse(), "object"), are(scene.coarse()));
+                notes.push(format!("{objects} {are} coarser than the picture could show; give more memory="));
             }
             Ok((picture, notes))
         })?;

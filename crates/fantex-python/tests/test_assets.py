@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -636,8 +637,12 @@ def test_copies_of_vertices_that_were_rounded_are_joined(tmp_path, sphere):
     asset = fantex.bake(tmp_path / "torn.ply", tmp_path / "a.fan", weld=1e-6, **settings)
     assert asset.baked["tiles"] < len(faces) / 8
     # Parts are baked of the same mesh.
-    plan = fantex.plan(tmp_path / "torn.ply", tmp_path / "a.plan", weld=1e-6, **settings)
-    fantex.bake_part(plan, (1, 1), tmp_path / "a.part")
+    with pytest.warns(UserWarning) as told:
+        plan = fantex.plan(tmp_path / "torn.ply", tmp_path / "a.plan", weld=1e-6, **settings)
+    assert [str(warning.message) for warning in told] == asset.baked["notes"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fantex.bake_part(plan, (1, 1), tmp_path / "a.part")
     fantex.merge(plan, [tmp_path / "a.part"], tmp_path / "b.fan")
     assert (tmp_path / "a.fan").read_bytes() == (tmp_path / "b.fan").read_bytes()
     charts = [fantex.parametrize(*soup, weld=weld, resolution=256).charts for weld in (None, 1e-6)]

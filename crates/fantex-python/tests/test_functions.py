@@ -146,8 +146,10 @@ def test_parts_have_the_channels(tmp_path, sphere):
     plan = fantex.plan(sphere, tmp_path / "a.plan", **settings)
     assert list(plan.channels) == whole.channels
     parts = [tmp_path / f"{number}.part" for number in (1, 2)]
-    for number, part in enumerate(parts, 1):
-        fantex.bake_part(plan, (number, 2), part, mesh=sphere, source=everything)
+    with pytest.warns(UserWarning, match="light is brighter than 1 at ") as told:
+        for number, part in enumerate(parts, 1):
+            fantex.bake_part(plan, (number, 2), part, mesh=sphere, source=everything)
+    assert {warning.filename for warning in told} == {__file__}
     fantex.merge(plan, parts, tmp_path / "merged.fan")
     assert (tmp_path / "merged.fan").read_bytes() == (tmp_path / "whole.fan").read_bytes()
     with pytest.raises(ValueError, match="its channels are not those that .*a.plan was made for"):

@@ -447,6 +447,25 @@ def test_numbers_in_other_formats_are_numbers(tmp_path, suffix):
             assert np.abs(texels[..., :3].astype(int) - expected).max() <= 1, (name, texels[0, 0], expected)
 
 
+def test_what_eight_bits_do_not_hold(tmp_path):
+    """Light above 1 is a factor of its image; numbers that are rounded are told of."""
+    exr = pytest.importorskip("OpenEXR")
+    numbers = np.tile(np.float32([4.0, 1.0, 0.1234]), (4, 4, 1))
+    header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
+    exr.File(header, {"RGB": numbers}).write(str(tmp_path / "a.exr"))
+    stage = Usd.Stage.CreateInMemory()
+    material, shader = surface(stage)
+    texture(stage, shader, {"emissiveColor": "rgb"}, tmp_path / "a.exr", "light", space="auto")
+    texture(stage, shader, {"roughness": "b"}, tmp_path / "a.exr", "rough", space="auto")
+    bind(quad(stage), material)
+    glb, notes = fantex.usd.glb_of(stage)
+    (described,) = json.loads(glb[20 : 20 + int.from_bytes(glb[12:16], "little")])["materials"]
+    assert described["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"] == 4
+    assert abs(linear(images_of(glb)["emissiveTexture"][0, 0, 1]) - 0.25) < 0.005
+    (note,) = (note for note in notes if "a.exr" in note)
+    assert "a.exr are rounded to 8 bits" in note
+
+
 def test_the_bottle(tmp_path, bottle):
     """A model with all its maps is the same in USD, and its normal map counts."""
     path = tmp_path / "bottle.usda"

@@ -8,8 +8,8 @@
 //! every plane, so a receiver is compared not with one number but with its own facet's plane under every texel of the filter:
 //! no bias can be too small on a plane, however it is inclined.
 
-use fantex_base::Result;
 use fantex_base::input::{self, Held};
+use fantex_base::{Result, counted};
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_scene::{FittedView, Penumbra, Projected, ShadowOptions, Spread, lamp_views};
 use glam::{DVec2, DVec3, Vec2, Vec3};
@@ -76,9 +76,8 @@ impl ShadowPlan {
             .flat_map(|triangle| mesh.triangle_positions(triangle));
         let views = lamp_views(&light.kind, &mesh.world_from_mesh, &mesh.positions, casters);
         let (count, side) = (views.len(), options.resolution);
-        let maps = if count == 1 { "map" } else { "maps" };
-        let what =
-            format_args!("the shadow of lamp {lamp} of the scene ({count} {maps} of {side} x {side} texels)");
+        let maps = counted(count, "map");
+        let what = format_args!("the shadow of lamp {lamp} of the scene ({maps} of {side} x {side} texels)");
         let texels = count as u64 * u64::from(side) * u64::from(side);
         let held = input::reserve(what, texels * size_of::<f32>() as u64)?;
         Ok(Some(Self { views, options, held }))

@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::Read;
 
 use bytemuck::{Pod, Zeroable};
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, are, counted};
 
 use crate::error::{ends, not_finite, out_of_range, too_many, wrong_count};
 
@@ -170,14 +170,17 @@ impl<'a> ByteReader<'a> {
                 Ok(0) => Ok(()),
                 _ => Err(not_unpacked(self.length)),
             },
-            (count, _) => Err(Error::malformed(format!("{count} bytes are left over at the end"))),
+            (count, _) => {
+                let (bytes, are) = (counted(count, "byte"), are(count));
+                Err(Error::malformed(format!("{bytes} {are} left over at the end")))
+            }
         }
     }
 }
 
 /// What is packed is damaged or has another length.
 fn not_unpacked(length: usize) -> Error {
-    Error::damaged(format!("the data do not unpack to {length} bytes"))
+    Error::damaged(format!("the data do not unpack to {}", counted(length, "byte")))
 }
 
 impl fmt::Debug for ByteReader<'_> {

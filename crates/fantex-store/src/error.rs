@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_base::{Error, ErrorKind};
+use fantex_base::{Error, ErrorKind, counted};
 
 use crate::PageId;
 
@@ -55,7 +55,7 @@ pub(crate) fn no_such_page(path: &Path, channel: usize, page: PageId) -> Error {
 // Rules of the format that contents can break.
 
 pub(crate) fn ends(what: &str, offset: usize) -> Error {
-    Error::malformed(format!("the data end after {offset} bytes, within {what}"))
+    Error::malformed(format!("the data end after {}, within {what}", counted(offset, "byte")))
 }
 
 pub(crate) fn too_many(what: &str, count: u64, limit: u64) -> Error {

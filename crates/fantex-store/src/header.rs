@@ -16,7 +16,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use fantex_base::{Error, Result, input, zstandard};
+use fantex_base::{Error, Result, counted, input, zstandard};
 use fantex_mesh::check_hard_edges;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -203,9 +203,9 @@ pub(crate) fn read_any_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
     let length = source.length().map_err(|error| Error::reading(source.location(), error))?;
     if length < slot.file_length {
         return Err(Error::damaged(format!(
-            "{} is truncated: {length} bytes of {}; copy or bake it anew",
+            "{} is truncated: {length} of {}; copy or bake it anew",
             path.display(),
-            slot.file_length
+            counted(slot.file_length, "byte")
         ))
         .with_path(path));
     }

@@ -208,12 +208,15 @@ fn ssim_where(reference: &Image, test: &Image, counts: &[bool]) -> f64 {
 const WINDOW: usize = 11;
 const RADIUS: usize = WINDOW / 2;
 
-/// From the means of `a`, `b`, `a^2`, `b^2` and `a b` in a window.
+/// From the means of `a`, `b`, `a^2`, `b^2` and `a b` in a window. At most 1, although variances of flat windows are little but rounding.
 fn similarity([a, b, aa, bb, ab]: [f64; 5]) -> f64 {
     const C1: f64 = 0.01 * 0.01;
     const C2: f64 = 0.03 * 0.03;
     let (variance_a, variance_b, covariance) = (aa - a * a, bb - b * b, ab - a * b);
-    (2.0 * a * b + C1) * (2.0 * covariance + C2) / ((a * a + b * b + C1) * (variance_a + variance_b + C2))
+    let similarity = (2.0 * a * b + C1) * (2.0 * covariance + C2)
+        / ((a * a + b * b + C1) * (variance_a + variance_b + C2));
+    // Other than the smaller of both, what is no number stays none.
+    if similarity > 1.0 { 1.0 } else { similarity }
 }
 
 fn gaussian() -> [f32; WINDOW] {

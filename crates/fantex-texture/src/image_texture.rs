@@ -162,7 +162,9 @@ impl ImageTexture {
         let expected = base.width as usize * base.height as usize * usize::from(base.channels);
         assert!(expected > 0 && (1..=4).contains(&base.channels), "an image texture needs texels");
         assert_eq!(base.samples.len(), expected, "samples of {} x {} texels", base.width, base.height);
-        let alpha_beside_border = if base.has_alpha() { alpha } else { AlphaUse::Independent };
+        // Colours stay what they are up to a border that is transparent. One number is a mask or a height, of which nobody asks
+        // for alpha: it fades to the border's.
+        let alpha_beside_border = if base.channels == 1 { AlphaUse::Independent } else { alpha };
         // Where all texels count the same, nothing needs to be weighed.
         let alpha = if is_opaque(&base) { AlphaUse::Independent } else { alpha };
         let coarser: Arc<[Image]> = filter::build_levels(&base, alpha).into();

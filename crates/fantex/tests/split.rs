@@ -736,7 +736,9 @@ fn a_world_is_replaced_at_once_or_stays() {
     let other = target.join("other.fanworld");
     let objects = vec![first.world.objects[0].clone()];
     World { objects, ..World::default() }.write(&other).unwrap();
-    std::fs::write(target.join(sector(77, "-5")), "left").unwrap();
+    std::fs::copy(target.join(sector(1, "")), target.join(sector(77, "-5"))).unwrap();
+    // What has such a name and is no asset stays, too.
+    std::fs::write(target.join("coarse-0078-5.fan"), "mine").unwrap();
     std::fs::create_dir(target.join(sector(9999, ""))).unwrap();
     let second = split(whole.shared(), &target, &options, &NoProgress).unwrap();
     assert_eq!(second.world.objects[0].asset, sector(1, "-2"));
@@ -747,6 +749,7 @@ fn a_world_is_replaced_at_once_or_stays() {
     expected.push(sector(1, ""));
     expected.sort();
     assert_eq!(asset_names(), expected);
+    assert_eq!(std::fs::read(target.join("coarse-0078-5.fan")).unwrap(), b"mine");
     assert!(passes() && World::open(&first.index).unwrap() == second.world);
     assert!(verify_world(&other, &VerifyOptions::default(), &NoProgress).unwrap().ok);
 

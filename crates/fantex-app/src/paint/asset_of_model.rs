@@ -103,10 +103,10 @@ pub fn asset_of_model(
             Ok(Made::Asset(path))
         }
         Some(_) => {
-            let [model_count, asset_count] = triangles;
+            let [of_model, of_asset] = triangles.map(|count| counted(count as u64, "triangle"));
             let (asset, model) = (path.display(), model.display());
             Err(Error::invalid(format!(
-                "{asset} was made of another mesh ({asset_count} triangles) than {model} ({model_count} triangles): open the \
+                "{asset} was made of another mesh ({of_asset}) than {model} ({of_model}): open the \
                  asset itself to paint on it, or move it away"
             ))
             .with_path(&path))

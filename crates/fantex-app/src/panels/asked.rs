@@ -174,11 +174,10 @@ fn new_asset(ui: &mut Ui, new: &mut NewAsset, look: &OwnLook) -> Option<Option<A
 
 /// How the meshes of a model and of the asset beside it differ.
 fn difference(model: &str, triangles: [usize; 2]) -> String {
-    match triangles.map(|count| grouped(count as u64)) {
-        [ours, theirs] if ours != theirs => {
-            format!("{model} has {ours} triangles, the asset's mesh {theirs}.")
-        }
-        [both, _] => format!("{model} and the asset's mesh have {both} triangles, but at other places."),
+    let counted = |count: usize| format!("{} {}", grouped(count as u64), numbered(count as u64, "triangle"));
+    match triangles.map(counted) {
+        [ours, theirs] if ours != theirs => format!("{model} has {ours}, the asset's mesh {theirs}."),
+        [both, _] => format!("{model} and the asset's mesh have {both}, but at other places."),
     }
 }
 

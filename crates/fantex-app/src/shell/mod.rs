@@ -224,10 +224,8 @@ impl<'a> Shell<'a> {
     }
 
     fn dropped_files(&mut self, ctx: &egui::Context) {
-        let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|file| file.path().to_owned()));
-        if let Some(path) = dropped {
-            self.workspace.viewer.take_dropped(path);
-        }
+        let dropped = ctx.input(|i| i.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        self.workspace.viewer.take_first_dropped(dropped);
     }
 
     /// A picture of the clipboard; not while something is typed.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::FileKind;
-use fantex::base::{Error, Result};
+use fantex::base::{Error, Result, counted};
 
 use crate::camera::{CameraMode, ViewPreset, Walker};
 use crate::document::{ChannelChange, Document, ForPainting, OpenProgress, PAINTER_SHARE, Place, Stage};
@@ -108,7 +108,18 @@ impl Viewer {
         self.begin_opening(Place::File(path), false);
     }
 
-    /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
+    /// Takes the first of the files that were dropped onto the window at once, as [`take_dropped`](Self::take_dropped), and says so of the others.
+    pub fn take_first_dropped(&mut self, files: Vec<PathBuf>) {
+        let count = files.len();
+        let Some(first) = files.into_iter().next() else { return };
+        if count > 1 {
+            let (files, name) = (counted(count, "file"), first.display());
+            self.notices.info(format!("Of {files} that were dropped, {name} is taken: a window shows one."));
+        }
+        self.take_dropped(first);
+    }
+
+    /// As [`open_file`](Self::open_file), for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
     pub fn open_or_fail(&mut self, place: Place) {
         let wanted = self.wanted(place, false);
         self.begin(Wanted { is_all: true, ..wanted });

@@ -380,8 +380,12 @@ fn dropped_pictures_are_surroundings_and_others_are_opened() {
     viewer.take_dropped("sky.HDR".into());
     assert_eq!(viewer.settings.light.surroundings, fantex_app::light::Surroundings::File("sky.HDR".into()));
     assert!(viewer.opening.is_none());
-    viewer.take_dropped("none.glb".into());
-    assert!(viewer.opening.is_some());
+    viewer.take_first_dropped(vec!["none.glb".into()]);
+    assert!(viewer.opening.is_some() && !viewer.notices.log().any(|text| text.contains("dropped")));
+    viewer.take_first_dropped(vec!["none.glb".into(), "other.glb".into()]);
+    assert!(
+        viewer.notices.log().any(|text| text.starts_with("Of 2 files that were dropped, none.glb is taken"))
+    );
 }
 
 /// Pictures of the clipboard go where dropped ones go, texel by texel, and the same one is kept once.

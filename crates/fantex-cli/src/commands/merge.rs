@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::base::are;
 use fantex::{Merge, Result};
 use serde::Serialize;
 
@@ -83,7 +84,9 @@ pub(crate) fn run(args: &MergeArgs, context: &Context) -> Result<()> {
     };
     context.print(&info, |info| {
         let parts = counted(info.parts, "part");
-        let Some(output) = &info.output else { return format!("{parts} are all there and whole") };
+        let Some(output) = &info.output else {
+            return format!("{parts} {} there and whole", are(info.parts));
+        };
         let copied = match info.copied_bytes {
             0 => String::new(),
             bytes => format!(", {} of it copied by the store", megabytes(bytes)),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use fantex::base::are;
 use fantex::base::files::folder_of;
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
@@ -222,10 +223,10 @@ fn render_world(args: &RenderArgs, options: &RenderOptions, context: &Context) -
 
 fn note_coarse(objects: usize, context: &Context) {
     if objects > 0 {
-        let verb = if objects == 1 { "is" } else { "are" };
         context.note(format!(
-            "{} {verb} coarser than the picture could show; give it more memory by --memory",
-            counted(objects as u64, "object")
+            "{} {} coarser than the picture could show; give it more memory by --memory",
+            counted(objects as u64, "object"),
+            are(objects)
         ));
     }
 }

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::Result;
+use fantex::base::{are, were};
 use fantex::glam::DVec3;
 use fantex::mesh::{WriteGeometry, write_model};
 use serde::Serialize;
@@ -65,9 +66,11 @@ pub(crate) fn run(args: &SimplifyArgs, context: &Context) -> Result<()> {
     }
     let (left, asked) = (coarse.triangles.len() as u64, args.triangles.0);
     if left > asked.saturating_add(asked / 10).max(MIN_LEFT) && asked < fine.triangles.len() as u64 {
-        let (left, asked) = (counted(left, "triangle"), grouped(asked));
-        context
-            .note(format!("{left} are left where {asked} were asked for; this shape cannot be made simpler"));
+        let (left, is_left) = (counted(left, "triangle"), are(left));
+        let (asked, was_asked) = (grouped(asked), were(asked));
+        context.note(format!(
+            "{left} {is_left} left where {asked} {was_asked} asked for; this shape cannot be made simpler"
+        ));
     }
     let info = SimplifyInfo {
         output: (&args.output).into(),

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use fantex::base::are;
 use fantex::glam::DVec2;
 use fantex::texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
@@ -208,8 +209,7 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
         (Map::Bilinear, &[a, b, c, d]) => Box::new(BilinearMap::from_quad([a, b, c, d])?),
         (map, corners) => {
             let needed = if map == Map::Affine { "three" } else { "four" };
-            let given = corners.len();
-            let are = if given == 1 { "is" } else { "are" };
+            let (given, are) = (corners.len(), are(corners.len()));
             return Err(Error::invalid(format!("this map takes {needed} corners, and {given} {are} given")));
         }
     };

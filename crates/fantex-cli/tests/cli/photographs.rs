@@ -219,9 +219,9 @@ fn photographs_that_cannot_be_used_are_named() {
     write(folder.path(), "images.txt", "1 1 0 0 0 0 0 2 1 a.png\n\n");
     bake(1, &["cameras.txt: line 1", "'EUCM' is not supported"], &empty);
     write(folder.path(), "cameras.txt", "1 PINHOLE 10 10 9 9 5 5\n");
-    bake(1, &["1 of 1 photographs are missing", "a.png", "images=FOLDER"], &empty);
+    bake(1, &["1 of 1 photograph is missing", "a.png", "images=FOLDER"], &empty);
     std::fs::create_dir(folder.path().join("images")).unwrap();
     write(&folder.path().join("images"), "a.png", "no picture");
     // A camera that looks away from the model does not even open its picture.
-    bake(1, &["none of the 1 photographs sees the model"], &empty);
+    bake(1, &["none of 1 photograph sees the model"], &empty);
 }

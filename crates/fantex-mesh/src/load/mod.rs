@@ -440,13 +440,20 @@ fn relative_path(written: &str) -> Option<PathBuf> {
 
 /// Where a relative path leads that a file names. Models from systems that do not tell upper from lower case name
 /// `Textures/Oak.PNG` where `textures/oak.png` lies: a name that is not there stands for the first one that differs
-/// in case only.
+/// in case only. Of a file that is a symbolic link, it counts from the link; what is not there, from where the
+/// link leads.
 ///
 /// # Errors
 /// It leads out of the file's folder, and that is not [allowed](input::ReadOptions::allow_outside).
 fn locate(owner: &Path, relative: &Path) -> Result<PathBuf> {
     input::check_inside(owner, relative)?;
-    Ok(located(owner.parent().unwrap_or(Path::new("")), relative))
+    let beside = |owner: &Path| located(owner.parent().unwrap_or(Path::new("")), relative);
+    let found = beside(owner);
+    if found.exists() || !owner.is_symlink() {
+        return Ok(found);
+    }
+    let of_target = owner.canonicalize().map(|target| beside(&target));
+    Ok(of_target.ok().filter(|path| path.exists()).unwrap_or(found))
 }
 
 fn located(folder: &Path, relative: &Path) -> PathBuf {

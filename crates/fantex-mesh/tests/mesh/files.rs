@@ -808,6 +808,28 @@ fn names_are_found_whatever_their_case() {
     assert_eq!(image_of(folder.path(), "Textures/ash.png"), Some(at("Textures/ash.png")));
 }
 
+#[cfg(unix)]
+#[test]
+fn links_find_files_beside_them_or_where_they_lead() {
+    let [there, here] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    std::fs::write(there.path().join("oak.png"), b"x").unwrap();
+    image_of(there.path(), "oak.png");
+    let link = here.path().join("link.obj");
+    std::os::unix::fs::symlink(there.path().join("a.obj"), &link).unwrap();
+    let images = || load(&link, &LoadOptions::default()).unwrap().images;
+    let image_in = |folder: &Path| match &images()[..] {
+        [ImageSource::File(path)] => {
+            path.canonicalize().unwrap() == folder.canonicalize().unwrap().join("oak.png")
+        }
+        other => panic!("{other:?}"),
+    };
+    assert!(image_in(there.path()));
+    for name in ["a.mtl", "oak.png"] {
+        std::fs::copy(there.path().join(name), here.path().join(name)).unwrap();
+    }
+    assert!(image_in(here.path()));
+}
+
 #[test]
 fn paths_into_another_computer_become_names() {
     let folder = tempfile::tempdir().unwrap();

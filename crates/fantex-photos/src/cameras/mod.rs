@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
 use fantex_base::input::check_below;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, are, counted};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use crate::{CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph};
@@ -65,9 +65,10 @@ pub fn read_cameras(path: &Path, images: Option<&Path>, frame: CameraFrame) -> R
     photographs.sort_by(|a, b| a.name.cmp(&b.name));
     let missing: Vec<&Photograph> = photographs.iter().filter(|p| !p.path.is_file()).collect();
     if let Some(first) = missing.first() {
-        let (missing, total, name) = (missing.len(), photographs.len(), first.path.display());
+        let (missing, name) = (missing.len(), first.path.display());
+        let (total, are) = (counted(photographs.len(), "photograph"), are(missing));
         let message = format!(
-            "{missing} of {total} photographs are missing, the first is {name}; say where they are with images=FOLDER"
+            "{missing} of {total} {are} missing, the first is {name}; say where they are with images=FOLDER"
         );
         return Err(Error::not_found(message).with_path(&first.path));
     }

@@ -213,7 +213,7 @@ fn colmap_texts_are_read_as_they_come() {
         ("images.txt", "1 0 0 0 0 0 0 2 3 x.jpg\n", "quaternion is zero"),
         ("images.txt", "1 1 0 0\n", "expected QW QX QY QZ"),
         ("images.txt", "# nothing\n", "names no photograph"),
-        ("images.txt", "1 1 0 0 0 0 0 2 3 gone.jpg\n", "1 of 1 photographs are missing"),
+        ("images.txt", "1 1 0 0 0 0 0 2 3 gone.jpg\n", "1 of 1 photograph is missing"),
     ];
     let [cameras, images] = ["cameras.txt", "images.txt"].map(|n| fs::read(root.path().join(n)).unwrap());
     for (file, text, expected) in cases {

@@ -319,7 +319,7 @@ fn what_cannot_be_used_is_said() {
         photograph.camera_from_world.translation += DVec3::new(0.0, 0.0, -1e4);
     }
     let message = failure(&away, &NoProgress).to_string();
-    assert!(message.contains("none of the 2 photographs sees the model"), "{message}");
+    assert!(message.contains("none of 2 photographs sees the model"), "{message}");
     let mut squeezed = photographs[..1].to_vec();
     squeezed[0].camera.size[0] *= 2;
     let message = failure(&squeezed, &NoProgress).to_string();

@@ -8,7 +8,7 @@ from typing import Any, Dict, Iterable, Optional, Tuple, Union
 
 from . import _native
 from ._asset import Asset
-from ._bake import Function, Source, _options, _parts
+from ._bake import Function, Source, _options, _parts, _with_notes
 from ._given import PATHS, Path, absolute, amount, whole
 from ._mesh import Mesh, Progress
 from ._picture import _warn
@@ -88,6 +88,8 @@ def plan(
     address. The plan notes paths of model and source, absolute, and all settings but ``memory``, ``overwrite`` and ``progress``, which is called
     with ``(done, total)`` thousandths of the covering, then bytes that are sent to a store. It also keeps digests of all that decides the texels, such as the contents of
     looks and pictures, but nothing of functions; parts are baked of nothing else. A function is asked for one point, which says which channels there are.
+
+    What :func:`bake` has as ``notes`` are warnings here: of the plan what is known of model and source, of its parts what shows as they are baked.
     """
     options = _options(
         texels=texels,
@@ -106,7 +108,7 @@ def plan(
     loaded = Mesh.of(mesh, weld=options["weld"])
     parts = _parts(source, options)
     note = {_NOTE: {"mesh": _noted_mesh(mesh), "source": _noted_source(source), "options": options}}
-    _native.plan(
+    figures = _native.plan(
         loaded._native,
         os.fsdecode(path),
         json.dumps(note).encode(),
@@ -114,6 +116,7 @@ def plan(
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
+    _warn(figures["notes"], 3)
     return Plan(path)
 
 
@@ -141,7 +144,7 @@ def bake_part(
         progress: called with ``(done, total)``: thousandths of the covering where triangles are cut, then texels; what it raises ends the bake.
 
     Returns:
-        Bytes of the part.
+        Bytes of the part. What is to be known of its texels, such as numbers that a function did not give, are warnings.
 
     Raises:
         ValueError: there is no such part; the mesh or the source has to be given, or is not what was planned; a file has changed since.
@@ -166,15 +169,20 @@ def bake_part(
     # One in memory is as it was planned.
     weld = None if isinstance(mesh, Mesh) else options.get("weld")
     mesh = Mesh.of(mesh, weld=weld)
+    parts = _parts(source, options)
     figures = _native.bake_part(
         plan._native,
         (number, count),
         mesh._native,
         os.fsdecode(path),
-        _parts(source, options),
+        parts,
         {**options, "overwrite": overwrite, "memory": amount(memory, "memory")},
         progress,
     )
+    notes = _with_notes(figures, parts, options["format"] == "float")["notes"]
+    # The plan's maker has heard those of the model.
+    known = set(mesh.notes)
+    _warn([note for note in notes if note not in known], 3)
     return figures["bytes"]
 
 

@@ -28,6 +28,9 @@ from ._picture import _srgb8, _write
 #: What of a stage is shown, unless somebody wants its helpers, too.
 PURPOSES = ("default", "render")
 
+# How the files of glTF's two formats of images begin.
+_OF_GLTF = (b"\x89PNG", b"\xff\xd8")
+
 # glTF's numbers.
 _WRAPS = {"repeat": 10497, "mirror": 33648, "clamp": 33071, "black": 33071}
 
@@ -691,7 +694,8 @@ class _Reader:
         texture = surface.textures.get("emissiveColor")
         factor = np.asarray(_rgb(surface.values["emissiveColor"]), float)
         if texture is not None:
-            if texture.channel == "rgb" and texture.space != "raw" and texture.bias == (0, 0, 0, 0):
+            is_plain = texture.channel == "rgb" and texture.space != "raw" and texture.bias == (0, 0, 0, 0)
+            if is_plain and not self.is_bright(texture, tile):
                 found = self.whole(surface, texture, tile, is_color=True)
                 factor = np.asarray(texture.scale[:3], float)
             else:
@@ -726,15 +730,31 @@ class _Reader:
         key = file if file in self.images else (*file, is_color)
         if key not in self.images:
             data = self.bytes_of(texture, tile)
-            if data is None or data.startswith((b"\x89PNG", b"\xff\xd8")):
+            if data is None or data.startswith(_OF_GLTF):
                 key = file
             else:
-                # glTF knows two formats.
                 texels = self.decoded(texture, data, is_color)
                 encode = _srgb8 if is_color else _bytes
+                if texels is not None and not is_color:
+                    self.note_rounding(texture, texels)
+                elif texels is not None and texels[..., :3].max() > 1:
+                    self.note(f"colours of the image {texture.file} are cut off at 1")
                 data = None if texels is None else _native.encode_png(encode(texels))
             self.images[key] = None if data is None else self.glb.image(data, os.path.basename(texture.file))
         return self.looked_up(surface, texture, self.images[key])
+
+    def is_bright(self, texture: _Texture, tile: Optional[int]) -> bool:
+        """Whether an image has light above 1, for which glTF has no format."""
+        data = self.bytes_of(texture, tile)
+        if data is None or data.startswith(_OF_GLTF):
+            return False
+        texels = self.decoded(texture, data, True)
+        return texels is not None and bool(texels[..., :3].max() > 1)
+
+    def note_rounding(self, texture: _Texture, texels: np.ndarray) -> None:
+        """Says it of numbers that 8 bits do not hold."""
+        if np.abs(texels - _bytes(texels) / np.float32(255)).max() > 1e-4:
+            self.note(f"the numbers of the image {texture.file} are rounded to 8 bits")
 
     def encoded(self, surface: _Surface, texture: _Texture, key: Any, picture: np.ndarray) -> Optional[Dict[str, Any]]:
         """An image that was put together, once."""
@@ -772,6 +792,8 @@ class _Reader:
         else:
             channel = "rgba".index(texture.channel)
             scale, bias, texels = texture.scale[channel], texture.bias[channel], texels[..., channel : channel + 1]
+        if not is_color:
+            self.note_rounding(texture, texels)
         return texels * np.asarray(scale, np.float32) + np.asarray(bias, np.float32)
 
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, are};
 use fantex_cover::{Cover, Group};
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::Xxh3;
@@ -138,8 +138,7 @@ impl Plan {
             0 => String::new(),
             count => format!(" and {count} more"),
         };
-        let (named, are) =
-            (&names[..names.len().min(MAX_NAMED)], if names.len() == 1 { "is" } else { "are" });
+        let (named, are) = (&names[..names.len().min(MAX_NAMED)], are(names.len()));
         Err(Error::invalid(format!(
             "{}{others} {are} not what {} was made for; plan anew and bake all parts, or bake what was planned",
             named.join(", "),

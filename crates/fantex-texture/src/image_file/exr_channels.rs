@@ -11,6 +11,9 @@ use image::ImageFormat;
 use super::{ImageLimits, not_readable, reserve};
 use crate::image::{ColorSpace, Image, Samples};
 
+/// Channels of a file that are named in its error, at most: renderers write dozens.
+const MAX_NAMED: usize = 8;
+
 /// The first part of a file whose header was checked; none where the decoder of pictures reads it.
 ///
 /// # Errors
@@ -30,9 +33,14 @@ pub(super) fn decode(
     let channels = match chosen(header) {
         Chosen::These(channels) => channels,
         Chosen::Plain | Chosen::None => {
-            let list = header.channels.list.iter().map(|c| c.name.to_string()).collect::<Vec<_>>().join(", ");
+            let names: Vec<_> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
+            let named = names[..names.len().min(MAX_NAMED)].join(", ");
+            let others = match names.len().saturating_sub(MAX_NAMED) {
+                0 => String::new(),
+                count => format!(" and {count} more"),
+            };
             return Err(refused(format!(
-                "its channels are {list}; give it R, G and B (and A), Y (and A), or a single channel"
+                "its channels are {named}{others}; give it R, G and B (and A), Y (and A), or a single channel"
             )));
         }
     };

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error as _;
 use std::io;
 
-use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted};
+use fantex_base::{Error, ErrorKind, ReadLimits, Result, counted, were};
 use fantex_mesh::{ImageSource, Material, Mesh, TextureRef};
 use rayon::prelude::*;
 
@@ -22,8 +22,10 @@ impl LeftOut {
     /// What was left out and why, a sentence each; of many the first, and a sentence on the others.
     pub fn notes(&self) -> Vec<String> {
         let (told, others) = self.0.split_at(self.0.len().min(Self::MAX_NOTES));
-        let others = counted(others.len(), "more texture");
-        let others = (self.0.len() > told.len()).then(|| format!("{others} were left out, for such reasons"));
+        let others = (!others.is_empty()).then(|| {
+            let (more, were) = (counted(others.len(), "more texture"), were(others.len()));
+            format!("{more} {were} left out, for such reasons")
+        });
         told.iter().map(|error| format!("a texture was left out: {error}")).chain(others).collect()
     }
 

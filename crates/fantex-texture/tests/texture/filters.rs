@@ -612,7 +612,7 @@ fn borders_have_their_color() {
     let (width, height) = (6_u32, 5_u32);
     let mut random = Random::new(3);
     for (channels, border) in
-        [(3, [0.9, 0.2, 0.4, 1.0]), (4, [0.1, 0.8, 0.3, 0.6]), (4, [0.3, 0.2, 0.1, 0.0])]
+        [(3, [0.9, 0.2, 0.4, 1.0]), (3, [0.0; 4]), (4, [0.1, 0.8, 0.3, 0.6]), (4, [0.3, 0.2, 0.1, 0.0])]
     {
         let source: Vec<[f32; 4]> = (0..width * height)
             .map(|_| {

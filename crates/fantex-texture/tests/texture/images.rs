@@ -141,6 +141,10 @@ fn open_exr_files_need_not_have_red_green_and_blue() {
         let error = decoded(channels).unwrap_err().to_string();
         assert!(error.contains("its channels are") && error.contains("give it R, G and B"), "{error}");
     }
+    let names: Vec<String> = (10..40).map(|number| format!("u{number}")).collect();
+    let many: Vec<_> = names.iter().map(|name| (name.as_str(), a)).collect();
+    let error = decoded(&many).unwrap_err().to_string();
+    assert!(error.contains("u16, u17 and 22 more; give it") && !error.contains("u18"), "{error}");
 }
 
 /// One infinite texel, or one that is no number, would spoil all coarser levels.
@@ -663,8 +667,14 @@ fn equal_pictures_are_equal() {
     let image = noisy(20, 1);
     let result = compare(&image, &image).unwrap();
     assert_eq!(result.psnr_db, f64::INFINITY);
-    assert!((result.ssim - 1.0).abs() < 1e-6);
+    assert_eq!(result.ssim, 1.0);
     assert!(result.flip < 1e-6);
+    // Nor are others more than equal.
+    for grey in [0.15, 0.3, 0.55, 0.9] {
+        let flat = |value: f32| Image::from_linear_rgb(16, 16, &[[value, value, value, 1.0]; 256]);
+        let found = ssim(&flat(grey), &flat(grey + 1e-6)).unwrap();
+        assert!((0.999..=1.0).contains(&found), "{grey}: {found}");
+    }
 }
 
 #[test]

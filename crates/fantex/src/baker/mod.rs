@@ -25,7 +25,7 @@ use fantex_bake::{
     plan_bake,
 };
 use fantex_base::random::{DEFAULT_SEED, folded_seed};
-use fantex_base::{Error, ReadLimits, Result, input};
+use fantex_base::{Error, ReadLimits, Result, counted, input, were};
 use fantex_cover::{Cover, CoverOptions, CoverStats, TexelBudget, build_cover_while};
 use fantex_look::{LookFile, LookImages, ResolveOptions};
 use fantex_mesh::check_hard_edges;
@@ -289,7 +289,12 @@ impl<'a> Baker<'a> {
         };
         let whole = model.triangles.len() as u64;
         if whole < baked.triangles && !matches!(goal, Goal::Part(..)) {
-            baked.notes.push(format!("{whole} triangles were cut into {}", baked.triangles));
+            baked.notes.push(format!(
+                "{} {} cut into {}",
+                counted(whole, "triangle"),
+                were(whole),
+                baked.triangles
+            ));
         }
         Ok(baked)
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_bake::{
     BakeLight, LightMapOptions, LightMapSource, LightScene, LitSource, LookSource, Source, SourceReflector,
 };
-use fantex_base::{Error, Result, counted, grouped};
+use fantex_base::{Error, Result};
 use fantex_look::data::{Beam, EnvironmentTable, LightBakeTable, LightTable, ProjectorTable};
 use fantex_look::problem;
 use fantex_look::{Key, Resolver};
@@ -22,6 +22,7 @@ use glam::{DVec3, Vec3};
 
 use super::{MaterialResolver, ResolvedMaterials, note_of_lacking_coordinates};
 use crate::baker::materials::of_look;
+use crate::notes::counted;
 
 impl MaterialResolver<'_> {
     /// The lamps of the look, without its environment; `None` where it has neither.
@@ -306,9 +307,9 @@ impl LookBake {
         let triangles: usize = parts.iter().map(Vec::len).sum();
         (triangles > 0).then(|| {
             format!(
-                "no light reaches the fronts of {} ({} triangles): the model is inside out there; turn these triangles over",
+                "no light reaches the fronts of {} ({}): the model is inside out there; turn these triangles over",
                 counted(parts.len() as u64, "closed part"),
-                grouped(triangles as u64, ' ')
+                counted(triangles as u64, "triangle")
             )
         })
     }

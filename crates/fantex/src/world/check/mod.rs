@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_base::{Error, Result};
+use fantex_base::{Error, Result, counted};
 use fantex_store::{Asset, JUMP_BOUND, PageCache, VerifyOptions, VerifyReport, verify_asset};
 use fantex_stream::open_asset;
 
@@ -183,8 +183,9 @@ fn verify_coarse(
     let missing = seams.missing(asset.mesh(), stands_for);
     if missing > 0 {
         report.faults.push(format!(
-            "its border lacks {missing} edges at which the assets that it stands for meet others, so gaps may show there; make it anew with 'fantex split', or with \
-             'fantex world --make-coarse'"
+            "its border lacks {} at which the assets that it stands for meet others, so gaps may show there; make it anew with 'fantex split', or with \
+             'fantex world --make-coarse'",
+            counted(missing, "edge")
         ));
     }
     report.end()
@@ -234,7 +235,9 @@ fn differences(said: &WorldObject, actual: &WorldObject, remedy: &str) -> Vec<St
     compare("low corner", format!("{:?}", said.low), format!("{:?}", actual.low));
     compare("high corner", format!("{:?}", said.high), format!("{:?}", actual.high));
     let size = |object: &WorldObject| match &object.preview {
-        Some(preview) => format!("{} triangles, {} texels", preview.triangles, preview.texels),
+        Some(preview) => {
+            format!("{}, {}", counted(preview.triangles, "triangle"), counted(preview.texels, "texel"))
+        }
         None => "none".into(),
     };
     compare("preview", size(said), size(actual));

@@ -22,7 +22,7 @@ use crate::addresses::staging::Staging;
 use crate::addresses::{is_object, watched};
 use crate::preview::{CancelOnly, DEFAULT_TEXELS, border_vertices};
 use crate::world::split::names::{name_of_generation, numbered_name};
-use crate::world::split::output::{assets_of_others, left_behind};
+use crate::world::split::output::{assets_of_others, is_foreign, left_behind};
 use crate::{PreviewOptions, World};
 
 /// Distance at which two vertices are one, in the space of the world: that of roundings to single precision, twice for either.
@@ -377,6 +377,7 @@ impl Files {
             .iter()
             .filter(|name| !kept.contains(*name))
             .map(|name| World::place_of(index, name))
+            .filter(|place| is_object(place) || !is_foreign(place))
             .collect();
         for generation in (1u32..).filter(|generation| !taken.contains(generation)) {
             files.generation = generation;

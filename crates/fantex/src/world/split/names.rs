@@ -18,7 +18,7 @@ impl Split {
         format!("{name}.{WORLD_EXTENSION}")
     }
 
-    /// Whether a file name is that of a sector or of a coarse asset; such files of a world go when another takes its place.
+    /// Whether a file name is that of a sector or of a coarse asset; such assets of a world go when another takes its place.
     pub(crate) fn is_asset_name(file: &str) -> bool {
         parts_of_name(file).is_some()
     }

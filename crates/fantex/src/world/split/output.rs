@@ -1,6 +1,8 @@
 //! The folder of a split: what is written appears when all is there, and what it replaces goes then.
 
 use std::collections::HashSet;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{
@@ -55,7 +57,7 @@ impl Output {
         output.lock = if force { lock_index(index)? } else { None };
         let others = assets_of_others(folder, &names, index)?;
         let assets = names.iter().filter(|name| Split::is_asset_name(name) && !others.contains(*name));
-        output.replaced.extend(assets.map(|name| folder.join(name)));
+        output.replaced.extend(assets.map(|name| folder.join(name)).filter(|path| !is_foreign(path)));
         output.replaced.iter().map(PathBuf::as_path).chain([index]).try_for_each(input::check_output)?;
         // What somebody paints on one of them would be lost.
         output.replaced.iter().try_for_each(|path| WriterLock::of_replaced(path).map(drop))?;
@@ -145,6 +147,16 @@ fn names_in(folder: &Path) -> Result<Vec<String>> {
         entries.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned())).collect()
     });
     names.map_err(|error| Error::writing(folder, error))
+}
+
+/// Whether a file has the name of an asset, but not its contents: somebody else made it, and it stays.
+pub(crate) fn is_foreign(path: &Path) -> bool {
+    let mut start = Vec::with_capacity(4);
+    let is_file = path.metadata().is_ok_and(|metadata| metadata.is_file());
+    is_file && {
+        let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
+        read.is_err() || start != b"\x89FAN"
+    }
 }
 
 /// What other indexes than `index` name in a folder: their assets stay.
