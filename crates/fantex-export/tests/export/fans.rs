@@ -55,7 +55,7 @@ fn three_look_ups_are_the_texture_function() {
         assert_eq!(fans.sheets.len() > 1, largest_side == 320, "{} sheets", fans.sheets.len());
         // Each triangle is in the first sheet that has its tiles.
         let tiles = &baked.asset.cover().corner_groups;
-        let mut held = vec![BTreeSet::new(); fans.sheets.len()];
+        let mut held = vec![BTreeSet::<u32>::new(); fans.sheets.len()];
         for (own, &sheet) in tiles.iter().zip(&fans.sheet_of_triangle) {
             held[sheet as usize].extend(own);
         }
