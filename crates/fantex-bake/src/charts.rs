@@ -18,6 +18,13 @@ const SPAN_ROUNDING: f64 = 1e-5;
 /// or is a needle.
 const MAX_COPIES: i64 = 64;
 
+/// Areas that exceed the texels that triangles have by less than this factor, or by more, tell without counting.
+const SURELY_OWN: f64 = 0.99;
+const SURELY_SHARED: f64 = 4.0;
+
+/// The least barycentric coordinate of texels that lie within a triangle, and not on its border.
+const MIN_INNER: f64 = 1e-6;
+
 /// Nobody's texel.
 const EMPTY: u32 = u32::MAX;
 
@@ -85,6 +92,25 @@ impl<'a> Charts<'a> {
     /// Texels of the image.
     pub(crate) fn texels(&self) -> usize {
         self.owners.len()
+    }
+
+    /// Share of what the triangles cover, in all copies of the image, that shows texels which belong to another triangle or copy.
+    pub(crate) fn shared_share(&self) -> f64 {
+        let owned = self.owners.iter().filter(|&&owner| owner != EMPTY).count() as f64;
+        let triangles = 0..self.uv.len() / 3;
+        let corners = triangles.map(|triangle| corners_in_texels(self.uv, self.size, triangle));
+        let areas = corners.clone().map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a).abs());
+        let area: f64 = areas.filter(|area| area.is_finite()).sum();
+        let share = |covered: f64| (1.0 - owned / covered.max(1.0)).max(0.0);
+        // Texels are counted where areas leave a doubt, as borders beside centres of texels seem to share some.
+        if owned < 1.0 || area * SURELY_OWN < owned {
+            return 0.0;
+        }
+        if area > SURELY_SHARED * owned {
+            return share(area);
+        }
+        let footprints = corners.filter_map(|corners| Footprint::new(corners, self.size));
+        share(footprints.map(|footprint| footprint.inner_texels()).sum::<usize>() as f64)
     }
 
     /// Nothing for texels that no triangle covers.
@@ -193,6 +219,19 @@ impl Footprint {
         Some(first..=last)
     }
 
+    /// The number of texels whose centres lie within it, not on its border. Of what is flat there are next to none.
+    fn inner_texels(&self) -> usize {
+        let is_inside = |x: i64, y: i64| {
+            lambda_at(self.corners, center(x, y)).is_some_and(|lambda| lambda.min_element() > MIN_INNER)
+        };
+        if self.is_flat {
+            return 0;
+        }
+        let of_row =
+            |y: i64| self.columns(y).map_or(0, |columns| columns.filter(|&x| is_inside(x, y)).count());
+        self.rows.clone().map(of_row).sum()
+    }
+
     fn covers(&self, x: i64, y: i64) -> bool {
         lambda_at(self.corners, center(x, y)).is_some_and(|lambda| lambda.min_element() >= 0.0)
     }
@@ -285,6 +324,24 @@ mod tests {
                 assert_eq!([column, row], [(texel % 16) as f64 + 0.5, (texel / 16) as f64 + 0.5]);
             }
         }
+    }
+
+    #[test]
+    fn shares_of_texels_that_others_have_are_counted() {
+        let square = |low: f32, high: f32| {
+            let [a, b, c, d] = [[low, low], [high, low], [high, high], [low, high]].map(Vec2::from);
+            [a, b, c, a, c, d]
+        };
+        let share = |uv: &[Vec2]| charts(uv, [64, 64]).shared_share();
+        // A square whose borders lie beside centres of texels, so that its area exceeds its texels by 4 %.
+        let alone = square(7.55 / 64.0, 56.45 / 64.0);
+        assert_eq!(share(&alone), 0.0);
+        // Twice the same, half of another, and four copies of the image.
+        assert!((share(&[alone, alone].concat()) - 0.5).abs() < 0.02);
+        let halves = [square(0.0, 1.0), square(0.25, 0.75)].concat();
+        assert!((share(&halves) - 0.2).abs() < 0.02, "{}", share(&halves));
+        assert!((share(&square(0.0, 2.0)) - 0.75).abs() < 0.02);
+        assert!((share(&square(0.0, 20.0)) - 0.9975).abs() < 1e-6);
     }
 
     #[test]

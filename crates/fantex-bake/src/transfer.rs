@@ -37,7 +37,30 @@ pub struct TransferReport {
     pub points: u64,
     /// Those whose rays found nothing, so that the nearest point stood in.
     pub missed: u64,
+    /// Of a normal map: share of what the coarse mesh covers in it, 0..1, that shows texels of other triangles or copies of the map.
+    pub shared_share: f64,
 }
+
+impl TransferReport {
+    /// What should be known of a normal map's texture coordinates, if anything.
+    pub fn coordinates_note(&self) -> Option<String> {
+        if self.points == 0 {
+            let note =
+                "its texture coordinates cover the middle of no texel, so the normal map shows nothing";
+            return Some(note.to_owned());
+        }
+        (self.shared_share > MIN_SHARED).then(|| {
+            format!(
+                "{:.1} % of what its texture coordinates cover belongs to several triangles, or several times to one, and shows the normals of one \
+                 place; that is right where the detailed model is alike there",
+                100.0 * self.shared_share
+            )
+        })
+    }
+}
+
+/// A smaller share of texels that several triangles have is not worth a note.
+const MIN_SHARED: f64 = 0.005;
 
 /// Rays along a texel's side at most.
 const MAX_SAMPLES: u32 = 64;
@@ -175,6 +198,7 @@ impl<'a> Projector<'a> {
             cage: f64::from(self.cage) * self.detailed.world_from_mesh.scale,
             points: self.points.load(Relaxed),
             missed: self.missed.load(Relaxed),
+            shared_share: 0.0,
         }
     }
 
@@ -462,7 +486,8 @@ pub fn bake_normal_map_until(
     }
     let encoded = |n: Option<Vec3>| (n.unwrap_or(frames.nothing()) * 0.5 + 0.5).to_array();
     let samples = normals.into_iter().flat_map(encoded).collect();
-    Ok((Image::from_linear(width, height, 3, samples), projector.report()))
+    let report = TransferReport { shared_share: charts.shared_share(), ..projector.report() };
+    Ok((Image::from_linear(width, height, 3, samples), report))
 }
 
 /// A set of texture coordinates, of which there is one per corner.

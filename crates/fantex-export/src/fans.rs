@@ -350,7 +350,7 @@ fn cell_extent(cover: &Cover, group: u32, gutter: u32) -> [u32; 2] {
 }
 
 /// Divides the triangles among few sheets. Each takes as many as its tiles allow, in an order that keeps neighbours together, since
-/// tiles that the triangles of two sheets read are in both.
+/// tiles that the triangles of two sheets read are in both, and all others that read no more than these tiles.
 fn plan(
     mesh: &Mesh,
     cover: &Cover,
@@ -358,7 +358,8 @@ fn plan(
     gutter: u32,
     largest_side: u32,
 ) -> Result<Vec<Plan>> {
-    let order = triangle_order(mesh, cover, of_group);
+    let mut rest = triangle_order(mesh, cover, of_group);
+    let mut is_held = vec![false; cover.groups.len()];
     let mut seen = vec![0; cover.groups.len()];
     let mut turn = 0;
     // Coarser texels end with the sheet, too.
@@ -376,9 +377,8 @@ fn plan(
         Some(Plan { size, triangles: triangles.to_vec(), groups, cells: packing.positions })
     };
     let mut plans = Vec::new();
-    let mut rest = &order[..];
     while !rest.is_empty() {
-        if let Some(whole) = sheet_of(rest) {
+        if let Some(whole) = sheet_of(&rest) {
             plans.push(whole);
             break;
         }
@@ -390,7 +390,7 @@ fn plan(
                 found => (fitting, best) = (middle, found),
             }
         }
-        let Some(plan) = best else {
+        let Some(mut plan) = best else {
             let tiles = cover.corner_groups[rest[0] as usize];
             let side = tiles.into_iter().flat_map(|group| cell_extent(cover, group, gutter)).max();
             return Err(Error::too_large(format!(
@@ -399,8 +399,14 @@ fn plan(
                 side.unwrap_or(0)
             )));
         };
+        plan.groups.iter().for_each(|&group| is_held[group as usize] = true);
+        let reads_held =
+            |t: &u32| cover.corner_groups[*t as usize].iter().all(|&group| is_held[group as usize]);
+        let (own, others): (Vec<u32>, Vec<u32>) = rest[fitting..].iter().copied().partition(reads_held);
+        plan.groups.iter().for_each(|&group| is_held[group as usize] = false);
+        plan.triangles.extend(own);
         plans.push(plan);
-        rest = &rest[fitting..];
+        rest = others;
     }
     Ok(plans)
 }

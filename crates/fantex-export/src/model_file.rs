@@ -372,9 +372,10 @@ impl Document<'_> {
             AlphaMode::Mask(cutoff) => (Some("MASK"), Some(cutoff.max(0.0))),
             AlphaMode::Blend => (Some("BLEND"), None),
         };
+        // Unlit materials show their colour alone, so their extension excludes the other one.
+        let is_bright = strength > 1.0 && !material.unlit;
         let extensions = object(json!({
-            "KHR_materials_emissive_strength":
-                (strength > 1.0).then(|| json!({ "emissiveStrength": strength })),
+            "KHR_materials_emissive_strength": is_bright.then(|| json!({ "emissiveStrength": strength })),
             "KHR_materials_unlit": material.unlit.then(|| json!({})),
         }));
         object(json!({

@@ -13,7 +13,7 @@ use glam::{IVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::charts::NARROW;
-use crate::export::{Map, cancelled};
+use crate::export::{ChannelMap, Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
 use crate::surface::{Frames, Surface};
 
@@ -613,22 +613,38 @@ const OVERSHOOT: f32 = 1.0 / 32.0;
 /// And how far below the least of them, as a share of it, so that shadows do not become black.
 const UNDERSHOOT: f32 = 0.25;
 
+/// What overshoot ends at: shares, heights and colours have nothing beyond 1, which OpenEXR would hold. Light has, and normals become unit
+/// vectors.
+fn ceiling(map: ChannelMap) -> f32 {
+    match map {
+        ChannelMap::Emission | ChannelMap::Light | ChannelMap::Normal => f32::INFINITY,
+        _ => 1.0,
+    }
+}
+
 /// The values of the inner part of a region, fitted where the texels around lie on the surface, too.
 fn fitted(values: &[[f32; 4]], region: &Region, map: &Map, share: f32) -> Values {
     let border = BORDER as usize;
     let stride = region.extent[0] as usize + 2 * border;
     let is_normal = map.has_normals();
+    let most = Vec4::splat(ceiling(map.kind));
     let mut inner = Vec::with_capacity(region.extent[0] as usize * region.extent[1] as usize);
     for y in border..border + region.extent[1] as usize {
         for x in border..border + region.extent[0] as usize {
-            let value = fitted_texel(values, &region.chart_on_surface, y * stride + x, stride, share);
+            let value = fitted_texel(values, &region.chart_on_surface, y * stride + x, stride, (share, most));
             inner.push(if is_normal { unit(value) } else { value }.to_array());
         }
     }
     inner
 }
 
-fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize, share: f32) -> Vec4 {
+fn fitted_texel(
+    values: &[[f32; 4]],
+    charts: &[u32],
+    texel: usize,
+    stride: usize,
+    (share, most): (f32, Vec4),
+) -> Vec4 {
     let at = |i: usize| Vec4::from_array(values[i]);
     let centre = at(texel);
     let chart = charts[texel];
@@ -643,8 +659,8 @@ fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize
         }
     }
     let least = (low - OVERSHOOT).max(low * (1.0 - UNDERSHOOT));
-    // Values below zero are none of any map; where they are, they stay.
-    (centre - share * bend).clamp(least.min(low), high + OVERSHOOT)
+    // Values below zero are none of any map, nor such beyond the most; where they are, they stay.
+    (centre - share * bend).clamp(least.min(low), (high + OVERSHOOT).min(most.max(high)))
 }
 
 /// A texel of a normal map with its normal at unit length.
@@ -728,6 +744,15 @@ mod tests {
         for y in 4..12 {
             assert_eq!([5, 6, 9, 10].map(|x| shown(x, y)), [0, 2, 1, 1], "row {y}");
         }
+    }
+
+    #[test]
+    fn only_light_overshoots_one() {
+        // A bright column of three rows.
+        let values: Vec<[f32; 4]> = (0..9).map(|i| [if i % 3 == 1 { 1.0 } else { 0.0 }; 4]).collect();
+        let fitted = |map| fitted_texel(&values, &[0; 9], 4, 3, (0.125, Vec4::splat(ceiling(map)))).x;
+        assert_eq!(fitted(ChannelMap::Opacity), 1.0);
+        assert_eq!(fitted(ChannelMap::Emission), 1.0 + OVERSHOOT);
     }
 
     #[test]

@@ -133,7 +133,7 @@ pub(crate) fn normal_map<'py>(
     coarse: &Mesh,
     detailed: &Mesh,
     options: &Bound<'py, PyDict>,
-) -> PyResult<(Bound<'py, PyArray3<f32>>, f64, f64)> {
+) -> PyResult<(Bound<'py, PyArray3<f32>>, f64, f64, Vec<String>)> {
     let defaults = NormalMapOptions::default();
     let spaces = [("tangent", NormalSpace::Tangent), ("object", NormalSpace::Object)];
     let options = NormalMapOptions {
@@ -154,5 +154,6 @@ pub(crate) fn normal_map<'py>(
     };
     let shape = [image.height as usize, image.width as usize, usize::from(image.channels)];
     let missed = report.missed as f64 / report.points.max(1) as f64;
-    Ok((samples.to_pyarray(py).reshape(shape)?, report.cage, missed))
+    let notes = report.coordinates_note().map(|note| format!("the coarse mesh: {note}"));
+    Ok((samples.to_pyarray(py).reshape(shape)?, report.cage, missed, notes.into_iter().collect()))
 }

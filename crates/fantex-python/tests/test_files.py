@@ -148,6 +148,9 @@ def test_normal_maps(sphere):
     # A slope to the right bends the normals to the left.
     bent = fantex.normal_map(plane, (flat + 0.2 * np.stack([0 * x, 0 * x, x], 1), faces), size=(32, 32))
     assert bent.image[16, 16, 0] < 0.45
+    repeated = fantex.Mesh(flat, faces, uv=2 * flat[:, :2])
+    with pytest.warns(UserWarning, match="75.0 % of what its texture coordinates cover"):
+        fantex.normal_map(repeated, plane, size=(32, 16))
     with pytest.raises(ValueError, match='space "world" is none of tangent, object'):
         fantex.normal_map(plane, plane, space="world")
     with pytest.raises((ValueError, fantex.Error), match="texture coordinates"):

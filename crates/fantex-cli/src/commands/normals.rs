@@ -70,6 +70,8 @@ struct NormalsInfo {
     cage: f64,
     /// Share of the points that found nothing within the cage and took the nearest point.
     missed_share: f64,
+    /// Share of what the coarse model covers in the picture that shows texels of other triangles.
+    shared_share: f64,
     seconds: f64,
 }
 
@@ -98,11 +100,8 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
         )));
     }
     let (image, report) = bake_normal_map(&coarse, &detailed, &options)?;
-    if report.points == 0 {
-        context.note(format!(
-            "{}: its texture coordinates cover the middle of no texel, so the normal map shows nothing",
-            args.coarse.display()
-        ));
+    if let Some(note) = report.coordinates_note() {
+        context.note(format!("{}: {note}", args.coarse.display()));
     }
     {
         let _deferral = context.defer_interrupt();
@@ -115,6 +114,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
         height,
         cage: report.cage,
         missed_share: report.missed as f64 / report.points.max(1) as f64,
+        shared_share: report.shared_share,
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {

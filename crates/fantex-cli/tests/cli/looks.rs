@@ -802,6 +802,10 @@ fn normals_become_a_map_of_the_coarse_model() {
     let squeezed = write(folder.path(), "squeezed.obj", squeezed);
     let empty = succeeds(&[&"normals", &squeezed, &plain, &"-o", &output, &"--size", &"4x4"]);
     assert!(stderr(&empty).contains("cover the middle of no texel"), "{}", stderr(&empty));
+    let repeated = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 4 0\nvt 0 4\nf 1/1 2/2 3/3\n";
+    let repeated = write(folder.path(), "repeated.obj", repeated);
+    let shared = succeeds(&[&"normals", &repeated, &plain, &"-o", &output, &"--size", &"16x16", &"--force"]);
+    assert!(stderr(&shared).contains("87.5 % of what its texture coordinates cover"), "{}", stderr(&shared));
 }
 
 /// What a look makes is counted before it is made.

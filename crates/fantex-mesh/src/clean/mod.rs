@@ -176,7 +176,7 @@ fn nothing_left(report: &CleanReport, options: &CleanOptions, name: &str) -> Err
         _ => String::new(),
     };
     Error::malformed(format!(
-        "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, infinite), \
+        "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, infinite or beyond 1e100), \
          {triangles_degenerate} without area{welded}"
     ))
 }

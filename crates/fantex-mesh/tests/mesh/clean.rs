@@ -360,8 +360,10 @@ fn nothing_left_is_an_error_that_says_why() {
     let line = soup((0..9).map(|i| [f64::from(i); 3]), [[0, 1, 2], [3, 4, 8], [0, 4, 8]]);
     refused(line, "3 without area");
     refused(soup([[5.0; 3]; 4], [[0, 1, 2], [1, 2, 3]]), "nothing is left");
-    let nan = soup([[f64::NAN; 3], [0.0; 3], [1.0; 3]], [[0, 1, 2]]);
-    refused(nan, "1 triangle: 1 with unusable positions");
+    for unusable in [f64::NAN, 1e101] {
+        let bad = soup([[unusable; 3], [0.0; 3], [1.0; 3]], [[0, 1, 2]]);
+        refused(bad, "1 triangle: 1 with unusable positions (NaN, infinite or beyond 1e100)");
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ import numpy as np
 from . import _native
 from ._given import Path, amount, size as _size, vector, whole
 from ._mesh import Mesh, Progress
+from ._picture import _warn
 
 
 def table(
@@ -85,7 +86,7 @@ def normal_map(
     cage: Optional[float] = None,
 ) -> NormalMap:
     """Bakes the normals of a detailed mesh into a normal map of a coarse one that has texture coordinates. Without coordinates,
-    :func:`bake` with ``source=fantex.mesh(detailed)`` does so.
+    :func:`bake` with ``source=fantex.mesh(detailed)`` does so. Coordinates that several triangles share are a warning.
 
     Args:
         coarse: a path, or what else :meth:`Mesh.of` takes.
@@ -105,4 +106,6 @@ def normal_map(
         "samples": whole(samples, "samples"),
         "cage": cage,
     }
-    return NormalMap(*_native.normal_map(Mesh.of(coarse)._native, Mesh.of(detailed)._native, options))
+    image, reach, missed, notes = _native.normal_map(Mesh.of(coarse)._native, Mesh.of(detailed)._native, options)
+    _warn(notes, 3)
+    return NormalMap(image, reach, missed)
