@@ -288,6 +288,7 @@ pub(crate) fn surface_name((material, sheet): (usize, usize)) -> String {
 
 /// A MaterialX document: a graph per sheet, a material for each material and sheet that have triangles together.
 pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materials: &[Material]) -> String {
+    // Version 1.38 has all of these nodes, too, and is read by more programs.
     let mut text =
         String::from("<?xml version=\"1.0\"?>\n<materialx version=\"1.38\" colorspace=\"lin_rec709\">\n");
     let mut line = |text_line: String| text.push_str(&(text_line + "\n"));

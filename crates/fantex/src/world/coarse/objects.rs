@@ -453,8 +453,11 @@ mod tests {
         let mut files = Files::new(&world, &index).unwrap();
         assert_eq!([files.next(), files.next()], ["town-coarse-0001.fan", "town-coarse-0002.fan"]);
         for name in ["town-coarse-0007.fan", "town-coarse-0001-3.fan", "city-coarse-0001-2.fan"] {
-            std::fs::write(folder.path().join(name), "there").unwrap();
+            std::fs::write(folder.path().join(name), b"\x89FAN there").unwrap();
         }
+        // Of such a name, but no asset.
+        let foreign = folder.path().join("town-coarse-0008.fan");
+        std::fs::write(&foreign, "mine").unwrap();
         let mut files = Files::new(&world, &index).unwrap();
         assert_eq!(files.next(), "town-coarse-0001-2.fan");
         let old = ["town-coarse-0001-3.fan", "town-coarse-0007.fan"].map(|name| folder.path().join(name));
@@ -472,6 +475,6 @@ mod tests {
         made.files.written.push(written.clone());
         assert!(made.stay().is_empty());
         assert!(written.exists() && !old.iter().any(|place| place.exists()));
-        assert!(folder.path().join("city-coarse-0001-2.fan").exists());
+        assert!(folder.path().join("city-coarse-0001-2.fan").exists() && foreign.exists());
     }
 }
