@@ -1,6 +1,7 @@
 //! Baked assets, open for reading.
 
-use std::io::Read;
+use std::fs::File;
+use std::io::{self, Read};
 use std::ops::Deref;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -12,6 +13,16 @@ use fantex_texture::FilterOptions;
 use glam::DVec3;
 
 use crate::World;
+
+/// The [first bytes](first_bytes) of an asset.
+pub(crate) const ASSET_START: &[u8; 4] = b"\x89FAN";
+
+/// The first four bytes of a file; of a shorter one all.
+pub(crate) fn first_bytes(file: File) -> io::Result<Vec<u8>> {
+    let mut start = Vec::with_capacity(4);
+    file.take(4).read_to_end(&mut start)?;
+    Ok(start)
+}
 
 /// What a file is, by its name or its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,10 +56,9 @@ impl FileKind {
             Some("fan") => return Ok(Self::Asset),
             _ => {}
         }
-        let mut start = Vec::with_capacity(4);
-        match input::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
+        match input::open(path).and_then(first_bytes) {
             // Who opens a part of a planned bake as an asset is told what it is.
-            Ok(_) if matches!(&*start, b"\x89FAN" | b"FANP") => Ok(Self::Asset),
+            Ok(start) if start == ASSET_START || start == b"FANP" => Ok(Self::Asset),
             Ok(_) => Ok(Self::Model),
             // The loader has a sentence for folders.
             Err(_) if path.is_dir() => Ok(Self::Model),

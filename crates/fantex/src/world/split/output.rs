@@ -2,7 +2,6 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use fantex_base::files::{
@@ -15,6 +14,7 @@ use tempfile::TempPath;
 use super::Split;
 use super::names::generation_of;
 use crate::World;
+use crate::asset::{ASSET_START, first_bytes};
 use crate::world::coarse::tree::Node;
 
 /// The folder while sectors are written, in a folder within it. What was written goes away unless it is finished.
@@ -151,12 +151,8 @@ fn names_in(folder: &Path) -> Result<Vec<String>> {
 
 /// Whether a file has the name of an asset, but not its contents: somebody else made it, and it stays.
 pub(crate) fn is_foreign(path: &Path) -> bool {
-    let mut start = Vec::with_capacity(4);
     let is_file = path.metadata().is_ok_and(|metadata| metadata.is_file());
-    is_file && {
-        let read = File::open(path).and_then(|file| file.take(4).read_to_end(&mut start));
-        read.is_err() || start != b"\x89FAN"
-    }
+    is_file && !File::open(path).and_then(first_bytes).is_ok_and(|start| start == ASSET_START)
 }
 
 /// What other indexes than `index` name in a folder: their assets stay.
