@@ -125,6 +125,9 @@ pub(crate) fn table<'py>(
     texels.as_flattened().to_pyarray(py).reshape(shape)
 }
 
+/// A normal map, its cage in world units, the share of points that found nothing within that, and notes.
+type BakedNormals<'py> = (Bound<'py, PyArray3<f32>>, f64, f64, Vec<String>);
+
 /// The normals of a detailed mesh over the texture coordinates of a coarse one: rows, columns, RGB of 0..1; the cage; the share of points that
 /// found nothing within it.
 #[pyfunction]
@@ -133,7 +136,7 @@ pub(crate) fn normal_map<'py>(
     coarse: &Mesh,
     detailed: &Mesh,
     options: &Bound<'py, PyDict>,
-) -> PyResult<(Bound<'py, PyArray3<f32>>, f64, f64, Vec<String>)> {
+) -> PyResult<BakedNormals<'py>> {
     let defaults = NormalMapOptions::default();
     let spaces = [("tangent", NormalSpace::Tangent), ("object", NormalSpace::Object)];
     let options = NormalMapOptions {
