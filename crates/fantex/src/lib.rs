@@ -128,7 +128,7 @@ pub use look_table::{LookTable, look_texture};
 pub use model::Mesh;
 #[cfg(feature = "export")]
 pub use notes::{ModelKind, model_notes};
-pub use notes::{damage_note, not_verified, stand_in_note};
+pub use notes::{damage_note, not_verified, smallest_tiles_note, stand_in_note};
 pub use pictures::{ModelPicture, Surroundings, ViewComparison};
 pub use preview::{Preview, PreviewOptions};
 pub use world::{

@@ -11,7 +11,7 @@ use fantex::store::Plan;
 use fantex::{Baker, ErrorKind, LongestEdge, Mesh, NoProgress, Progress, Source};
 #[cfg(feature = "export")]
 use fantex::{ModelKind, model_notes};
-use fantex_mesh::{LoadOptions, load};
+use fantex_mesh::{LoadOptions, generate, load};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{Mat3, Vec2};
 
@@ -84,6 +84,37 @@ fn many_texels_that_nobody_asked_for_are_told_of_before_the_first() {
     assert_eq!(baked.notes.iter().filter(|note| is_many(note)).count(), 1, "{:?}", baked.notes);
     let asked_for = Baker::new(&mesh).texels(100_000_000).overwrite(true).write_plan(&path, b"").unwrap();
     assert!(!asked_for.notes.iter().any(|note| note.contains("million texels")), "{:?}", asked_for.notes);
+}
+
+/// A square in 2048 triangles, and tetrahedra above it that are hardly larger than a texel.
+#[test]
+fn texels_that_pieces_take_are_told_of() {
+    let square = generate::grid(32);
+    let mut positions: Vec<[f64; 3]> = square.positions.iter().map(|p| p.to_array()).collect();
+    let mut triangles = square.triangles;
+    for i in 0..150 {
+        let first = positions.len() as u32;
+        let [x, z] = [i % 15, i / 15].map(|place| f64::from(place) / 15.0);
+        positions.extend([[x, 0.5, z], [x + 3e-3, 0.5, z], [x, 0.503, z], [x, 0.5, z + 3e-3]]);
+        let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        triangles.extend(faces.map(|face| face.map(|corner| first + corner)));
+    }
+    let mesh = Mesh::from_triangles(&positions, &triangles).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let notes = |texels: u64, tile: u32| {
+        let path = folder.path().join("pieces.fan");
+        let baker = Baker::new(&mesh).source(Source::solid("wood")).texels(texels).tile(tile);
+        baker.overwrite(true).write(path).unwrap().notes
+    };
+    let told = notes(40_000, 256);
+    assert!(
+        told.iter().any(|note| note.starts_with("24 % of the texels are in 600 tiles of 4 x 4")),
+        "{told:?}"
+    );
+    for (texels, tile) in [(400_000, 256), (40_000, 0)] {
+        let others = notes(texels, tile);
+        assert!(!others.iter().any(|note| note.contains("4 x 4")), "{others:?}");
+    }
 }
 
 /// Words and shares of what comes before texels, and reports of these.

@@ -11,7 +11,7 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::{Asset, PREVIEW};
-use fantex::{Baker, Covered, Error, FileKind, LongestEdge, Mesh, Progress, Result};
+use fantex::{Baker, Covered, Error, FileKind, LongestEdge, Mesh, Progress, Result, smallest_tiles_note};
 use serde::Serialize;
 
 use super::world::print_world;
@@ -312,7 +312,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         clean: mesh.clean_time().as_secs_f64(),
         cover: started.elapsed().as_secs_f64(),
     };
-    let over_budget = over_budget(texels_asked, &stats);
+    let note = over_budget(texels_asked, &stats).or_else(|| smallest_tiles_note(&cover, &stats));
     let CoverStats {
         fans,
         groups,
@@ -328,7 +328,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
         density_spread,
         ..
     } = stats;
-    report.extend(over_budget.map(|note| format!("{note}.")));
+    report.extend(note.map(|note| format!("{note}.")));
     let shape = &mesh.report().topology;
     Ok(ModelInfo {
         kind: "model",

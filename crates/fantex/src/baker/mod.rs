@@ -50,7 +50,7 @@ use self::observer::Observer;
 use self::own_materials::{MANY_TEXELS, OwnDensity};
 use self::source::Kind;
 use crate::look_scene::{LookBake, MaterialResolver, check_size};
-use crate::{Asset, FileKind, Mesh};
+use crate::{Asset, FileKind, Mesh, smallest_tiles_note};
 
 /// How many texels, before the mesh and the source are known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -419,7 +419,10 @@ impl<'a> Baker<'a> {
         self.progress.end_covering();
         let cover_time = started.elapsed();
         let untold = if is_own_density && !is_told { stats.texels } else { 0 };
-        let notes = Vec::from_iter(self.note_of_many(untold));
+        // Of texels beyond those that were asked for others tell.
+        let is_within = texels_asked.is_none_or(|asked| stats.texels <= asked);
+        let of_smallest = if is_within { smallest_tiles_note(&cover, &stats) } else { None };
+        let notes = self.note_of_many(untold).into_iter().chain(of_smallest).collect();
         self.check_cancelled()?;
         let summary = self.fill(mesh, cover, source, goal)?;
         Ok(Baked {
