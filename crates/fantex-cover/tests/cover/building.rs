@@ -364,8 +364,7 @@ fn meshes_that_take_more_memory_than_is_allowed_are_refused() {
     assert_eq!(error.kind(), ErrorKind::TooLarge);
     let message = error.to_string();
     assert!(
-        message
-            .contains("a mesh of 20480 triangles and its cover would take 3 MiB of memory, 1 MiB are left"),
+        message.contains("a mesh of 20480 triangles and its cover would take 3 MiB of memory, 1 MiB is left"),
         "{message}"
     );
     with(4 << 20).unwrap();

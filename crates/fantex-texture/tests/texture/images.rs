@@ -331,7 +331,7 @@ fn ktx2_files_are_read() {
         (ktx2(43, [4, 30], 1, 0, &texels), "it needs 480"),
         (ktx2(43, [0, 3], 1, 0, &texels), "each side must be 1 to 4096"),
         (ktx2(43, [u32::MAX; 2], 1, 0, &texels), "each side must be 1 to 4096"),
-        (ktx2(43, [4000, 4000], 1, 0, &texels), "would take 123 MiB of memory, 1 MiB are left"),
+        (ktx2(43, [4000, 4000], 1, 0, &texels), "would take 123 MiB of memory, 1 MiB is left"),
     ] {
         let error = decode_all(&bytes).unwrap_err().to_string();
         assert!(error.contains(part) && error.contains("'file'"), "{part}: {error}");
