@@ -336,7 +336,7 @@ fn strokes_are_refused_or_applied() {
             "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }], "symmetry": { "radial": { "axis": 1, "center": [0, 0, 0], "count": 3 } },
             "samples": [{ "at": { "position": [1, 0, 0] }, "pressure": 0.5 }, { "at": { "position": [0, 1, 0] }, "tilt": [0.1, 0.2] }] },
         { "brush": { "size": { "texels": 9 } }, "tool": { "blur": { "radius": { "world": 0.1 } } },
-            "samples": [{ "at": { "position": [0, 0, 1] } }] },
+            "channels": [{ "kind": "base_color" }], "samples": [{ "at": { "position": [0, 0, 1] } }] },
         { "text": { "text": "two\nlines", "size": { "world": 0.3 }, "angle": 20, "font": "a.ttf" },
             "channels": [{ "kind": "base_color", "color": { "srgb": [0.1, 0.9, 0.1] } }],
             "samples": [{ "at": { "position": [0, 0, 1] } }] },
