@@ -47,7 +47,7 @@ pub use footprints::*;
 pub use pack::*;
 pub use rectangle::{Rectangle, RectangleFinder};
 pub use sheet::Sheet;
-pub use sizing::MAX_EXTENT;
+pub use sizing::{MAX_EXTENT, MIN_EXTENT};
 pub use spans::{SPAN_SLACK, span};
 pub use stats::*;
 pub use stored::StoredBlocks;

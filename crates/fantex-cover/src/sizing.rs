@@ -295,8 +295,11 @@ pub const MAX_EXTENT: u32 = 1 << 16;
 /// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
 const TOLERATED_LOSS: f32 = 0.06;
 
+/// Shortest side of a tile in texels.
+pub const MIN_EXTENT: u32 = 4;
+
 /// Texels of the smallest tile.
-const MIN_TILE_TEXELS: u64 = 4 * 4;
+const MIN_TILE_TEXELS: u64 = (MIN_EXTENT * MIN_EXTENT) as u64;
 
 /// The longest region in texels, rounded down a little, that gets a side of 4 texels.
 const MAX_LENGTH_IN_MIN_TILE: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
@@ -322,7 +325,7 @@ fn side_texels(length: f32) -> u32 {
     let down = (4 * blocks) as f32;
     let good = blocks >= 1 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
     let side = if good || down == wanted { 4 * blocks } else { 4 * blocks + 4 };
-    side.clamp(4, MAX_EXTENT)
+    side.clamp(MIN_EXTENT, MAX_EXTENT)
 }
 
 #[cfg(test)]

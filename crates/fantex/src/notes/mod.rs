@@ -7,14 +7,11 @@ use std::fmt::Display;
 use std::path::Path;
 
 use fantex_base::{Error, grouped, numbered};
-use fantex_cover::{Cover, CoverStats};
+use fantex_cover::{Cover, CoverStats, MIN_EXTENT};
 use fantex_store::{Damage, JUMP_BOUND, VerifyReport};
 
 #[cfg(feature = "export")]
 pub use models::{ModelKind, model_notes};
-
-/// Texels of the smallest tile.
-const SMALLEST_TILE: u64 = 4 * 4;
 
 /// So many of the smallest tiles, with such a share of the texels, are worth a note.
 const MANY_SMALLEST: u64 = 500;
@@ -23,9 +20,9 @@ const MUCH_IN_SMALLEST: f64 = 0.1;
 /// What is to be known of a cover whose tiles are so small that the least that a tile has is much of the texels; none of one fan per tile,
 /// where small tiles are what was asked for.
 pub fn smallest_tiles_note(cover: &Cover, stats: &CoverStats) -> Option<String> {
-    let side = SMALLEST_TILE.isqrt() as u32;
+    let side = MIN_EXTENT;
     let smallest = cover.groups.iter().filter(|group| group.extent == [side; 2]).count() as u64;
-    let share = (SMALLEST_TILE * smallest) as f64 / stats.texels as f64;
+    let share = (u64::from(side * side) * smallest) as f64 / stats.texels as f64;
     let is_much = smallest >= MANY_SMALLEST && share > MUCH_IN_SMALLEST && stats.groups < stats.fans.total;
     is_much.then(|| {
         let tiles = counted(smallest, "tile");
