@@ -26,8 +26,8 @@ use crate::command::parse_keys;
 use crate::display::{Overlay, ShadingView};
 use crate::export::Preset;
 use crate::paint::{
-    AlphaShown, Answer, BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, PictureUse,
-    StencilSettings, SymmetrySettings, TextureChoice, parse_hex,
+    AlphaShown, Answer, BrushSettings, ChannelSwitches, FillReach, GradientSettings, Material, PaintTool,
+    PictureUse, StencilSettings, SymmetrySettings, TextureChoice, parse_hex,
 };
 use crate::settings::{Tab, read_limited};
 
@@ -164,6 +164,7 @@ pub enum Step {
     /// Projects that picture onto all that is seen.
     Project,
     Fill(FillReach),
+    Gradient(GradientSettings),
     /// Lays this picture with the next click of the tool `sticker`.
     Picture(PathBuf),
     /// What that picture shows.

@@ -16,6 +16,7 @@ use fantex::store::{Channel, ChannelKind};
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::files::load_image;
+use crate::paint::gradient::GradientDrag;
 use crate::paint::painting::{ChosenStamp, Hand};
 use crate::paint::placing::Placing;
 use crate::paint::stencil::{projection_view, recorded_use};
@@ -26,7 +27,7 @@ use crate::paint::{
 use crate::settings::label_of;
 
 /// A drag that is shorter, in shares of the scene's sides, is a click.
-const CLICK_SHARE: f64 = 0.006;
+pub(super) const CLICK_SHARE: f64 = 0.006;
 
 impl Painting {
     /// What the pen did in this frame. With Shift it draws lines, with Alt it picks.
@@ -63,6 +64,7 @@ impl Painting {
                         self.hand = Hand::AltTurn(None);
                     }
                     (Hand::Stroke(last), _) => self.go_on(last, sample, &mut samples),
+                    (Hand::Gradient(drag), _) => self.hand = Hand::Gradient(drag.moved(event.at)),
                     _ => {}
                 },
                 PenPhase::Up => match std::mem::take(&mut self.hand) {
@@ -70,6 +72,7 @@ impl Painting {
                         self.thread.order(Order::Move(std::mem::take(&mut samples)));
                         self.thread.order(Order::End(last));
                     }
+                    Hand::Gradient(drag) => self.lay_gradient(drag.moved(event.at), settings, view, notices),
                     Hand::AltTurn(Some((point, _))) => self.pick(point, settings, notices),
                     Hand::Wait => self.missed = Some(notices.now),
                     Hand::Idle | Hand::Turn | Hand::AltTurn(None) => {}
@@ -147,7 +150,14 @@ impl Painting {
             }
             return self.place(sample.point, at, settings, view, notices);
         }
-        let mut start = match self.start(sample.point, settings, view, notices) {
+        if settings.tool == PaintTool::Gradient {
+            // What cannot be painted is said before the drag.
+            return match self.paint(sample.point, settings, view) {
+                Ok(_) => self.hand = Hand::Gradient(GradientDrag::begun(sample.point, at)),
+                Err(reason) => notices.warning(reason),
+            };
+        }
+        let start = match self.start(sample.point, settings, view, notices) {
             Ok(start) => start,
             Err(reason) => return notices.warning(reason),
         };
@@ -155,11 +165,7 @@ impl Painting {
             settings.colors.used();
         }
         if settings.tool == PaintTool::Fill {
-            let fill = settings.fill.fill(settings.fill_degrees, settings.fill_tolerance);
-            start.recorded.fill = Some(fill);
-            start.recorded.samples = vec![sample_at(&self.surface, sample.point)];
-            self.thread.order(Order::Fill(start, Some(sample.point), fill));
-            return;
+            return self.fill(start, sample.point, settings);
         }
         match self.last.filter(|_| is_line) {
             Some(from) => {
@@ -172,6 +178,14 @@ impl Painting {
             }
         }
         self.last = Some(sample.point);
+    }
+
+    /// Fills from a point on, as far as the settings say.
+    pub(super) fn fill(&self, mut start: Box<StrokeStart>, point: SurfacePoint, settings: &PaintSettings) {
+        let fill = settings.fill.fill(settings.fill_degrees, settings.fill_tolerance);
+        start.recorded.fill = Some(fill);
+        start.recorded.samples = vec![sample_at(&self.surface, point)];
+        self.thread.order(Order::Fill(start, Some(point), fill));
     }
 
     /// Projects the picture over the view onto all that is seen.
@@ -242,8 +256,7 @@ impl Painting {
             paint.sight = Sight::new(&self.surface, &camera, degrees, &symmetry).map(Arc::new);
             recorded.only_seen = Some(degrees);
         }
-        if paint.sight.is_some() || is_clone || matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker)
-        {
+        if paint.sight.is_some() || is_clone || !settings.tool.has_brush() {
             recorded.symmetry = symmetry;
         }
         let target = self.target;
@@ -381,7 +394,9 @@ impl Painting {
             }
             PaintTool::Smudge => Tool::Smudge { strength: settings.smudge.clamp(0.0, 1.0) },
             PaintTool::Paint => Tool::Paint(settings.brush.blend),
-            PaintTool::Fill | PaintTool::Sticker | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
+            PaintTool::Fill | PaintTool::Gradient | PaintTool::Sticker | PaintTool::Pick => {
+                Tool::Paint(BlendMode::Normal)
+            }
         })
     }
 

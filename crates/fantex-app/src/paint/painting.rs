@@ -16,6 +16,7 @@ use fantex::texture::color::srgb_from_linear;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
+use crate::paint::gradient::GradientDrag;
 use crate::paint::layer_actions::{own_target, valid_target};
 use crate::paint::placing::Placing;
 use crate::paint::texture::StickerShape;
@@ -37,6 +38,8 @@ pub(super) enum Hand {
     Idle,
     /// A stroke. The point is where it was last; none where it has left the surface.
     Stroke(Option<Sample>),
+    /// A gradient, laid where the pen is lifted.
+    Gradient(GradientDrag),
     /// Turning the view: it touched beside the model.
     Turn,
     /// It touched beside the model; a stroke begins as soon as the surface is met.

@@ -8,6 +8,7 @@ use fantex::store::ChannelKind;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
+use crate::paint::painting::Hand;
 use crate::paint::texture::{StickerShape, sticker_shape};
 use crate::paint::{
     ChannelSwitches, FileState, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, PictureUse,
@@ -148,8 +149,12 @@ impl Painting {
         self.target = target;
     }
 
-    /// Takes a text or a picture away that is not applied yet. False where there is none.
+    /// Takes a text or a picture away that is not applied yet, or the drag of a gradient. False where there is none.
     pub fn drop_placing(&mut self) -> bool {
+        if matches!(self.hand, Hand::Gradient(_)) {
+            self.hand = Hand::Idle;
+            return true;
+        }
         let was_there = self.placing.take().is_some();
         if was_there {
             self.thread.order(Order::TakeAway);

@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::command::{Command, Section, Shortcut};
 use crate::paint::colors::linear_of;
-use crate::paint::{BrushSettings, Colors, StencilSettings, SymmetrySettings, TextureChoice};
+use crate::paint::{
+    BrushSettings, Colors, GradientSettings, StencilSettings, SymmetrySettings, TextureChoice,
+};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -31,6 +33,7 @@ pub struct PaintSettings {
     pub fill_degrees: f32,
     /// Largest distance of colours that a fill takes for the same, 0..2.
     pub fill_tolerance: f32,
+    pub gradient: GradientSettings,
     /// Where the tool *Opacity* brings the opacity, 0..1.
     pub opacity_to: f32,
     /// Share of a colour that smudging carries over a radius of the brush, 0..1.
@@ -65,6 +68,7 @@ impl Default for PaintSettings {
             fill: FillReach::default(),
             fill_degrees: 30.0,
             fill_tolerance: 0.1,
+            gradient: GradientSettings::default(),
             opacity_to: 0.0,
             smudge: 0.8,
             sticker: StickerKind::Text,
@@ -91,6 +95,7 @@ pub enum PaintTool {
     Erase,
     Opacity,
     Fill,
+    Gradient,
     Blur,
     Smudge,
     Clone,
@@ -99,11 +104,12 @@ pub enum PaintTool {
 }
 
 impl PaintTool {
-    pub const ALL: [(Self, &'static str); 9] = [
+    pub const ALL: [(Self, &'static str); 10] = [
         (Self::Paint, "Paint"),
         (Self::Erase, "Erase"),
         (Self::Opacity, "Opacity"),
         (Self::Fill, "Fill"),
+        (Self::Gradient, "Gradient"),
         (Self::Blur, "Blur"),
         (Self::Smudge, "Smudge"),
         (Self::Clone, "Clone"),
@@ -118,6 +124,7 @@ impl PaintTool {
             Self::Erase => "Drag takes away what was painted on the layer, Shift + click in a straight line",
             Self::Opacity => "Drag lowers or raises the opacity and leaves the colour",
             Self::Fill => "Click fills the part of the surface under the cursor",
+            Self::Gradient => "Drag from where the foreground is to where it ends; Esc gives it up",
             Self::Blur => "Drag averages what is there",
             Self::Smudge => "Drag takes the colours along",
             Self::Sticker => {
@@ -129,7 +136,7 @@ impl PaintTool {
     }
 
     pub fn has_brush(self) -> bool {
-        !matches!(self, Self::Fill | Self::Sticker | Self::Pick)
+        !matches!(self, Self::Fill | Self::Gradient | Self::Sticker | Self::Pick)
     }
 
     /// Whether it lays the chosen colour on.
@@ -428,6 +435,7 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(NONE, Key::E, Tool(PaintTool::Erase), "Erase"),
         row(SHIFT, Key::E, Tool(PaintTool::Opacity), "Opacity"),
         row(NONE, Key::G, Tool(PaintTool::Fill), "Fill"),
+        row(SHIFT, Key::G, Tool(PaintTool::Gradient), "Gradient"),
         row(NONE, Key::U, Tool(PaintTool::Blur), "Blur"),
         row(NONE, Key::K, Tool(PaintTool::Smudge), "Smudge"),
         row(NONE, Key::C, Tool(PaintTool::Clone), "Clone"),

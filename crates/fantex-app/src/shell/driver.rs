@@ -211,6 +211,7 @@ impl Driver {
             Step::FitStencil => fit_stencil(viewer),
             Step::Project => viewer.command(Command::Paint(PaintCommand::Project)),
             Step::Fill(fill) => viewer.settings.paint.fill = fill,
+            Step::Gradient(gradient) => viewer.settings.paint.gradient = gradient,
             Step::PictureUse(picture_use) => viewer.settings.paint.picture_use = picture_use,
             Step::Picture(path) => {
                 viewer.settings.paint.sticker = StickerKind::Picture;

@@ -13,13 +13,14 @@ use fantex::mesh::{CleanOptions, clean};
 use fantex::paint::{BlendMode, LayerPlace, MaskMeasure, PaintOptions, Painter, Target, Tip};
 use fantex::store::{Asset, ChannelKind, PageId, VerifyOptions, group_pages, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
+use fantex::texture::color::{linear_from_srgb, srgb_from_linear};
 
 use fantex_app::camera::ViewPreset;
 use fantex_app::notices::Notices;
 use fantex_app::paint::{
-    Alone, BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool,
-    Painting, PenEvent, PenPhase, PictureUse, Presets, SaveState, Section, StencilSettings, StencilUse,
-    StickerKind, SymmetryKind, TextureChoice, Viewpoint,
+    Alone, BrushSettings, ColorSource, FillReach, GradientEnd, GradientSettings, GradientShape, LayerAction,
+    PaintCommand, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, PictureUse, Presets, SaveState,
+    Section, StencilSettings, StencilUse, StickerKind, SymmetryKind, TextureChoice, Viewpoint,
 };
 
 /// A torus with 60 000 texels.
@@ -350,10 +351,12 @@ fn all_tools_paint_on_a_layer() {
     studio.stroke();
     studio.settings.fill = FillReach::Color;
     studio.stroke();
+    studio.settings.tool = PaintTool::Gradient;
+    studio.stroke();
     let done = &studio.painting.snapshot.done;
     assert_eq!(
         done[2..],
-        ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill"],
+        ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill", "gradient"],
         "{done:?}"
     );
     assert_eq!(crate::errors(&studio.notices), 0);
@@ -527,7 +530,12 @@ fn what_the_hand_does_is_in_the_log() {
     studio.pen(PenPhase::Down, 0.15, 0.5, Modifiers::ALT);
     studio.pen(PenPhase::Up, 0.15, 0.5, Modifiers::ALT);
     studio.stroke();
-    assert_eq!(studio.painting.snapshot.done.len(), 5);
+    studio.settings.tool = PaintTool::Gradient;
+    studio.settings.gradient.end = GradientEnd::Nothing;
+    studio.settings.brush.opacity = 0.5;
+    studio.settings.fill = FillReach::Whole;
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot.done.len(), 6);
     let all = |studio: &mut Studio| {
         let places = [(0.5, 0.85), (0.6, 0.84), (0.45, 0.82), (0.3, 0.75), (0.55, 0.86)];
         places.map(|(x, y)| picked(studio, x, y))
@@ -541,6 +549,67 @@ fn what_the_hand_does_is_in_the_log() {
     for (a, b) in found.iter().zip(&replayed) {
         assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) < 24), "{found:?} {replayed:?}");
     }
+}
+
+#[test]
+fn gradients_mix_light_by_the_way_along_the_drag() {
+    let mut studio = Studio::open();
+    studio.settings.fill = FillReach::Whole;
+    // All that lies highest is as deep in the picture as where the drag begins.
+    let mesh = studio.painting.surface.mesh();
+    let top = mesh.positions.iter().map(|p| p.y).fold(f32::MIN, f32::max);
+    let crest = mesh.positions.iter().filter(|p| p.y > top - 1e-4);
+    let crest = crest.map(|&p| studio.view.project(mesh.world_from_mesh.point(p)).unwrap());
+    let crest: Vec<DVec2> = crest.collect();
+    assert!(crest.len() > 40);
+    let begin = crest.iter().copied().min_by(|a, b| a.x.total_cmp(&b.x)).unwrap();
+    let end = DVec2::new(0.8, 0.35);
+    let (white, red, blue) = ([255; 3], [200, 30, 10], [20, 60, 220]);
+    let mut lay = |gradient: GradientSettings, ground: [u8; 3]| {
+        studio.settings.tool = PaintTool::Fill;
+        studio.settings.colors.foreground = ground;
+        studio.stroke();
+        studio.settings.tool = PaintTool::Gradient;
+        (studio.settings.gradient, studio.settings.colors.background) = (gradient, blue);
+        studio.settings.colors.foreground = red;
+        studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
+        studio.pen(PenPhase::Move, 0.5, 0.9, Modifiers::NONE);
+        assert_eq!(studio.painting.gradient_line(), Some([begin, DVec2::new(0.5, 0.9)]));
+        studio.pen(PenPhase::Up, end.x, end.y, Modifiers::NONE);
+        studio.wait();
+        crest.iter().step_by(3).map(|at| (*at, picked(&mut studio, at.x, at.y))).collect::<Vec<_>>()
+    };
+    let check = |found: &[(DVec2, [u8; 3])], last: [u8; 3], share: &dyn Fn(DVec2) -> f64| {
+        for (at, color) in found {
+            let share = share(*at).clamp(0.0, 1.0) as f32;
+            for k in 0..3 {
+                let [a, b] = [red[k], last[k]].map(|c| linear_from_srgb(f32::from(c) / 255.0));
+                let expected = 255.0 * srgb_from_linear(a + (b - a) * share);
+                assert!((f32::from(color[k]) - expected).abs() < 6.0, "{at} {color:?}[{k}] {expected}");
+            }
+        }
+    };
+    let along = end - begin;
+    let straight = |at: DVec2| (at - begin).dot(along) / along.length_squared();
+    let found = lay(GradientSettings::default(), white);
+    check(&found, blue, &straight);
+    let round = GradientSettings { shape: GradientShape::Round, end: GradientEnd::Nothing, is_smooth: true };
+    let found = lay(round, white);
+    let smooth = |at: DVec2| {
+        let t = ((at - begin).length() / along.length()).min(1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    check(&found, white, &smooth);
+    // A click is no drag, and Esc gives one up.
+    let done = studio.painting.snapshot.done.len();
+    studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
+    studio.pen(PenPhase::Up, begin.x, begin.y, Modifiers::NONE);
+    assert!(studio.notices.log().any(|notice| notice.contains("drag from where")));
+    studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
+    assert!(studio.painting.drop_placing());
+    studio.pen(PenPhase::Up, end.x, end.y, Modifiers::NONE);
+    studio.wait();
+    assert_eq!(studio.painting.snapshot.done.len(), done);
 }
 
 /// A torus with 3 000 000 texels.

@@ -1,8 +1,8 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
 use crate::paint::{
-    AlphaShown, BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, PictureUse, SizeUnit,
-    StickerKind, TIPS, preview_stroke,
+    AlphaShown, BLEND_MODES, BrushSettings, FillReach, GradientEnd, GradientShape, PaintSettings, PaintTool,
+    PictureUse, SizeUnit, StickerKind, TIPS, preview_stroke,
 };
 use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{
@@ -25,6 +25,9 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.add_space(2.0);
     if paint.tool == PaintTool::Fill {
         return fill(ui, paint);
+    }
+    if paint.tool == PaintTool::Gradient {
+        return gradient(ui, paint);
     }
     if paint.tool == PaintTool::Sticker {
         if sticker(ui, paint, diagonal) {
@@ -134,6 +137,16 @@ fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
         FillReach::Connected | FillReach::Whole => {}
     }
     percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
+}
+
+fn gradient(ui: &mut Ui, paint: &mut PaintSettings) {
+    let gradient = &mut paint.gradient;
+    let shapes = ui.horizontal(|ui| segments(ui, &mut gradient.shape, &GradientShape::ALL));
+    shapes.response.on_hover_text("Alike across the drag, or around its beginning");
+    row(ui, "Ends in", |ui| choice(ui, "gradient end", &mut gradient.end, &GradientEnd::ALL));
+    let tip = "Colours change slowly at both ends";
+    row(ui, "Smooth", |ui| ui.checkbox(&mut gradient.is_smooth, "").on_hover_text(tip));
+    fill(ui, paint);
 }
 
 /// A text or a picture. Returns whether another picture is wanted.

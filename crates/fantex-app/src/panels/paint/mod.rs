@@ -178,6 +178,18 @@ fn tool_icon(painter: &Painter, rect: Rect, tool: PaintTool, color: Color32) {
             painter.line_segment([at(9.5, 4.0), at(6.5, 1.5)], stroke);
             painter.circle_filled(at(17.6, 15.6), rect.width() * 0.07, color);
         }
+        PaintTool::Gradient => {
+            painter.rect_stroke(
+                Rect::from_min_max(at(2.5, 4.5), at(17.5, 15.5)),
+                CornerRadius::same(1),
+                stroke,
+                StrokeKind::Middle,
+            );
+            for (x, strength) in [(4.9, 1.0), (7.3, 0.75), (9.7, 0.5), (12.1, 0.3), (14.5, 0.12)] {
+                let bar = Stroke::new(2.4 * rect.width() / 20.0, color.gamma_multiply(strength));
+                painter.line_segment([at(x, 5.5), at(x, 14.5)], bar);
+            }
+        }
         PaintTool::Blur => {
             for (radius, strength) in [(7.4, 0.22), (5.0, 0.45), (2.6, 1.0)] {
                 let radius = radius * rect.width() / 20.0;

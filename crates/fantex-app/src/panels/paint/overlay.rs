@@ -11,8 +11,9 @@ use fantex::glam::{DVec2, DVec3};
 
 use crate::command::Command;
 use crate::paint::{
-    Cursor, PaintCommand, PaintTool, PenPhase, PlacingOutline, Ring, SaveState, StencilPicture,
-    StencilSettings, StencilUse, SymmetryKind, degrees_between, plane_outline,
+    Cursor, GradientEnd, GradientShape, PaintCommand, PaintSettings, PaintTool, PenPhase, PlacingOutline,
+    Ring, SaveState, StencilPicture, StencilSettings, StencilUse, SymmetryKind, degrees_between,
+    plane_outline,
 };
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
@@ -53,6 +54,9 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         cross(&painter, place(at));
     }
     let settings = &viewer.settings.paint;
+    if let Some(ends) = painting.gradient_line() {
+        gradient(&painter, ends.map(place), settings);
+    }
     if let Some(outline) = painting.placing_outline(&view) {
         placing(&painter, &outline, &place);
     }
@@ -111,6 +115,24 @@ fn cross(painter: &Painter, at: Pos2) {
         line(painter, vec![at - by, at + by], 1.4, 1.0);
     }
     painter.circle_stroke(at, 6.0, Stroke::new(1.2, theme::ACCENT));
+}
+
+/// The drag of a gradient, with the colours of its ends.
+fn gradient(painter: &Painter, [from, to]: [Pos2; 2], settings: &PaintSettings) {
+    let color = |[r, g, b]: [u8; 3]| Color32::from_rgb(r, g, b);
+    if settings.gradient.shape == GradientShape::Round {
+        painter.circle_stroke(from, from.distance(to), Stroke::new(2.8, DARK.gamma_multiply(0.6)));
+        painter.circle_stroke(from, from.distance(to), Stroke::new(1.0, Color32::from_white_alpha(150)));
+    }
+    line(painter, vec![from, to], 1.4, 1.0);
+    let last = match settings.gradient.end {
+        GradientEnd::Background => color(settings.colors.background),
+        GradientEnd::Nothing => Color32::TRANSPARENT,
+    };
+    for (at, fill) in [(from, color(settings.colors.foreground)), (to, last)] {
+        painter.circle(at, 7.0, DARK, Stroke::NONE);
+        painter.circle(at, 5.5, fill, Stroke::new(1.4, Color32::WHITE));
+    }
 }
 
 /// What is not applied yet: its outline, and the handles that scale and turn it.
