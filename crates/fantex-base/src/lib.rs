@@ -13,7 +13,7 @@
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
 //! | [`sweep`] | pairs of boxes that meet |
-//! | [`text`] | counts and shares in messages, names in addresses |
+//! | [`text`] | counts and shares in messages, names in addresses, text in markup |
 //! | [`union_find`] | disjoint sets |
 //! | [`vector_level()`] | the vectors that the processor has |
 //! | [`zstandard`] | unpacking of Zstandard frames |
@@ -39,7 +39,7 @@ pub use error::{Error, ErrorKind, Place, Result};
 pub use input::{ReadLimits, ReadOptions};
 pub use json_problem::json_problem;
 pub use random::Random;
-pub use text::{are, counted, grouped, numbered, percent, uri_escaped, were};
+pub use text::{are, counted, grouped, markup_escaped, numbered, percent, uri_escaped, were};
 pub use union_find::UnionFind;
 pub use vectors::vector_level;
 

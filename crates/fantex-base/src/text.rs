@@ -80,6 +80,25 @@ pub fn uri_escaped(path: &str) -> String {
     utf8_percent_encode(path, &WITH_PARTS).to_string()
 }
 
+/// Text for HTML and XML, between tags and in attributes.
+///
+/// ```
+/// assert_eq!(fantex_base::markup_escaped("a < 'b' & \"c\""), "a &lt; &#39;b&#39; &amp; &quot;c&quot;");
+/// ```
+pub fn markup_escaped(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut escaped, c| {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            c => escaped.push(c),
+        }
+        escaped
+    })
+}
+
 /// Digits in groups of three, separated by `separator`: `69 451`.
 pub fn grouped(number: u64, separator: char) -> String {
     let digits = number.to_string();

@@ -1,5 +1,6 @@
 //! The texture function as a graph of standard nodes (Academy Software Foundation, "MaterialX Specification", version 1.39).
 
+use fantex_base::markup_escaped;
 use fantex_mesh::{AlphaMode, Material};
 use glam::Vec3;
 
@@ -303,7 +304,7 @@ pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materi
                 let space = pictures.color_space();
                 let space = if is_color { format!(" colorspace=\"{space}\"") } else { String::new() };
                 let from = match input {
-                    Input::Value(value) => format!("value=\"{}\"{space}", escaped(value)),
+                    Input::Value(value) => format!("value=\"{}\"{space}", markup_escaped(value)),
                     Input::Node(node) => format!("nodename=\"{node}\""),
                 };
                 line(format!("      <input name=\"{name}\" type=\"{kind}\" {from}/>"));
@@ -336,8 +337,4 @@ pub(crate) fn materialx(pictures: &PictureFiles<'_>, geometry: &Geometry, materi
     }
     line("</materialx>".to_owned());
     text
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use fantex_base::markup_escaped;
+
 /// Name and content.
 pub type File = (&'static str, &'static [u8]);
 
@@ -39,18 +41,18 @@ impl Page<'_> {
     pub fn html(&self) -> String {
         let credits = match self.credits {
             "" => String::new(),
-            credits => format!(" \u{2013} {}", escaped(credits)),
+            credits => format!(" \u{2013} {}", markup_escaped(credits)),
         };
         let range = |range: &Range<u64>| format!("{}-{}", range.start, range.end.saturating_sub(1));
         let ranges: Vec<String> = self.ranges.iter().map(range).collect();
         let description = if self.credits.is_empty() { self.title } else { self.credits };
         let fields = [
-            ("title", escaped(self.title)),
-            ("description", escaped(description)),
+            ("title", markup_escaped(self.title)),
+            ("description", markup_escaped(description)),
             ("credits", credits),
-            ("asset", escaped(self.asset)),
+            ("asset", markup_escaped(self.asset)),
             ("ranges", ranges.join(" ")),
-            ("base", escaped(self.base)),
+            ("base", markup_escaped(self.base)),
         ];
         let mut html = String::new();
         let mut rest = include_str!("../page/index.html");
@@ -63,22 +65,6 @@ impl Page<'_> {
         }
         html + rest
     }
-}
-
-/// As text or in an attribute.
-fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => escaped += "&amp;",
-            '<' => escaped += "&lt;",
-            '>' => escaped += "&gt;",
-            '"' => escaped += "&quot;",
-            '\'' => escaped += "&#39;",
-            c => escaped.push(c),
-        }
-    }
-    escaped
 }
 
 #[cfg(test)]

@@ -18,8 +18,8 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::base::files::{scratch_folder, write_whole};
-use fantex::look::LookFile;
-use fantex::look::LookImages;
+use fantex::base::markup_escaped;
+use fantex::look::{LookFile, LookImages};
 use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::Image;
 use fantex::{Error, Result};
@@ -342,11 +342,11 @@ fn chapter_of(entry: &Entry) -> Option<char> {
 
 fn section(html: &mut String, finished_entry: &FinishedEntry) {
     let Entry { name, rows, title, idea, formula, .. } = finished_entry.entry;
-    push(html, format_args!("<section id=\"{}\">\n<h3>", escaped(name)));
+    push(html, format_args!("<section id=\"{}\">\n<h3>", markup_escaped(name)));
     for row in rows {
-        push(html, format_args!("<span class=\"row\">{}</span>", escaped(row)));
+        push(html, format_args!("<span class=\"row\">{}</span>", markup_escaped(row)));
     }
-    push(html, format_args!("{}</h3>\n<p>{}</p>\n", escaped(title), escaped(idea)));
+    push(html, format_args!("{}</h3>\n<p>{}</p>\n", markup_escaped(title), markup_escaped(idea)));
     formula.lines().filter(|line| !line.is_empty()).for_each(|line| html.push_str(&formula::mathml(line)));
     html.push_str("<div class=\"pictures\">\n");
     for FinishedPicture { file, caption, .. } in &finished_entry.pictures {
@@ -356,19 +356,25 @@ fn section(html: &mut String, finished_entry: &FinishedEntry) {
             format_args!(
                 "<figure><a href=\"{0}\"><img src=\"{0}\" alt=\"{1}\" loading=\"lazy\"></a>\
                  <figcaption>{2}</figcaption></figure>\n",
-                escaped(file),
-                escaped(alternative),
-                escaped(caption)
+                markup_escaped(file),
+                markup_escaped(alternative),
+                markup_escaped(caption)
             ),
         );
     }
     html.push_str("</div>\n");
     if let Some((heading, text)) = &finished_entry.listing {
-        push(html, format_args!("<details><summary>{heading}</summary>\n<pre>{}</pre>\n", escaped(text)));
+        push(
+            html,
+            format_args!("<details><summary>{heading}</summary>\n<pre>{}</pre>\n", markup_escaped(text)),
+        );
         for FinishedPicture { caption, changes, .. } in
             finished_entry.pictures.iter().filter(|p| !p.changes.is_empty())
         {
-            push(html, format_args!("<p>{}:</p>\n<pre>{}</pre>\n", escaped(caption), escaped(changes)));
+            push(
+                html,
+                format_args!("<p>{}:</p>\n<pre>{}</pre>\n", markup_escaped(caption), markup_escaped(changes)),
+            );
         }
         html.push_str("</details>\n");
     }
@@ -379,27 +385,9 @@ fn push(html: &mut String, text: std::fmt::Arguments) {
     html.write_fmt(text).unwrap_or_else(|_| unreachable!("writing to a string cannot fail"));
 }
 
-fn escaped(text: &str) -> String {
-    text.chars().fold(String::with_capacity(text.len()), |mut html, c| {
-        match c {
-            '&' => html.push_str("&amp;"),
-            '<' => html.push_str("&lt;"),
-            '>' => html.push_str("&gt;"),
-            '"' => html.push_str("&quot;"),
-            c => html.push(c),
-        }
-        html
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn text_is_escaped() {
-        assert_eq!(escaped("a < b & \"c\""), "a &lt; b &amp; &quot;c&quot;");
-    }
 
     #[test]
     fn entries_appear_in_their_chapter_with_look_and_changes() {

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::iter::Peekable;
 use std::vec::IntoIter;
 
-use super::escaped;
+use fantex::base::markup_escaped;
 
 /// One `<math>` for each formula of a line.
 pub(super) fn mathml(line: &str) -> String {
@@ -149,7 +149,7 @@ impl Parser<'_> {
             Some(Token::Operator("(")) => return Item { inner: self.row(Some(")")), is_bracketed: true },
             Some(Token::Word("sqrt")) => format!("<msqrt>{}</msqrt>", self.item().inner),
             Some(Token::Number(number)) => format!("<mn>{number}</mn>"),
-            Some(Token::Text(text)) => format!("<mtext>&nbsp;{}&nbsp;</mtext>", escaped(text)),
+            Some(Token::Text(text)) => format!("<mtext>&nbsp;{}&nbsp;</mtext>", markup_escaped(text)),
             Some(Token::Word(word)) => {
                 let (name, primes) = word.split_at(word.find('\'').unwrap_or(word.len()));
                 let sign = WORDS.iter().find(|(typed, _)| *typed == name).map_or(name, |(_, sign)| *sign);
@@ -163,7 +163,7 @@ impl Parser<'_> {
                     .map_or(operator, |(_, sign)| *sign);
                 // Bars and slashes that are not brackets of a known size stay as they are.
                 let fixed = if operator == "|" { " stretchy=\"false\"" } else { "" };
-                format!("<mo{fixed}>{}</mo>", escaped(sign))
+                format!("<mo{fixed}>{}</mo>", markup_escaped(sign))
             }
         };
         Item { inner, is_bracketed: false }
