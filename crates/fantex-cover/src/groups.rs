@@ -14,6 +14,7 @@ use crate::connect::Connector;
 use crate::cost::least_unfolded_cost;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership};
+use crate::islands::{FLAT_COSINE, Islands};
 use crate::merge::{Borders, MergeLimits, choose_unions, shared_outline};
 use crate::nominal::{Demand, NominalDensity};
 use crate::partition::{Cutting, FanSet, Partition, partition};
@@ -53,6 +54,10 @@ pub(crate) struct Patch {
 impl Patch {
     fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
         &order[self.start as usize..(self.start + self.length) as usize]
+    }
+
+    fn is_island(&self, order: &[u32], islands: &Islands) -> bool {
+        islands.has(order[self.start as usize], self.length)
     }
 
     fn laid(self, order: &[u32], density: &NominalDensity<'_>) -> Laid {
@@ -150,23 +155,29 @@ pub(crate) fn group_fans(
         grouped(fans, limits, (order, &lengths[k]), (number, watch))
     };
     let mut best = tried(0, 0, false)?;
-    let may_gain = is_small || shapes.len() <= most && best.loss() > LOSSY_DB;
+    let is_lossy = best.loss(&Islands::default()) > LOSSY_DB;
+    let islands = if is_small || !is_lossy { Islands::default() } else { Islands::of(surface, shapes) };
+    let may_gain = is_small || shapes.len() <= most && best.loss(&islands) > LOSSY_DB;
     let mut count = if may_gain { ways.len() } else { 1 };
     expect_ways(watch, count);
     for number in 1..count {
         let next = tried(number, number, false)?;
         best = if next.cost < best.cost { next } else { best };
     }
-    let is_torn = limits.extent_texels >= MIN_TORN_EXTENT && best.loss() > TORN_DB;
+    let is_torn = limits.extent_texels >= MIN_TORN_EXTENT && best.loss(&islands) > TORN_DB;
     if may_gain && is_torn && extent_texels > limits.extent_texels {
         let next = tried(count, 0, true)?;
-        best = if next.loss() < best.loss() - LOSSY_DB { next } else { best };
+        best = if next.loss(&islands) < best.loss(&islands) - LOSSY_DB { next } else { best };
         count += 1;
         expect_ways(watch, count);
     }
     drop(cut);
     let Grouped { mut builder, mut patches, .. } = best;
-    let is_tried = if may_gain { vec![true; patches.len()] } else { builder.dear(&patches) };
+    let is_tried = if may_gain {
+        patches.iter().map(|patch| !patch.is_island(&builder.order, &islands)).collect()
+    } else {
+        builder.dear(&patches, &islands)
+    };
     if is_tried.contains(&true) {
         watch.expect(time::grouped(count) + time::UNROLLING + time::SIZING);
         builder.unroll_unions(&mut patches, &is_tried, may_gain, time::grouped(count))?;
@@ -213,9 +224,6 @@ const MIN_TORN_EXTENT: f32 = 512.0;
 /// The share of the area around vertices where nothing is bent, above which a model has flat faces.
 const MIN_FLAT_SHARE: f32 = 0.25;
 
-/// Cosine of the widest cone of normals around such a vertex.
-const FLAT_COSINE: f32 = 0.999_998;
-
 /// The share of the area around vertices where nothing is bent.
 fn flat_share(shapes: &[FanShape]) -> f32 {
     let (mut flat, mut all) = (0.0, 0.0);
@@ -249,10 +257,14 @@ struct Grouped<'a> {
 }
 
 impl Grouped<'_> {
-    /// Decibels beside as many ideal texels, whose cost is their number (see [`cost`](crate::cost)).
-    fn loss(&self) -> f32 {
-        let texels: f32 = self.patches.iter().map(Patch::texels).sum();
-        30.0 * libm::log10f(self.cost / texels)
+    /// Decibels beside as many ideal texels, whose cost is their number (see [`cost`](crate::cost)), without those of islands; 0 where all are.
+    fn loss(&self, islands: &Islands) -> f32 {
+        let (mut cost, mut texels) = (0.0, 0.0);
+        for patch in self.patches.iter().filter(|patch| !patch.is_island(&self.builder.order, islands)) {
+            cost += patch.cost();
+            texels += patch.texels();
+        }
+        if texels > 0.0 { 30.0 * libm::log10f(cost / texels) } else { 0.0 }
     }
 }
 
@@ -551,9 +563,11 @@ impl Builder<'_> {
     }
 
     /// Which patches are small and dear, where much is lost in them.
-    fn dear(&self, patches: &[Patch]) -> Vec<bool> {
+    fn dear(&self, patches: &[Patch], islands: &Islands) -> Vec<bool> {
         let is_dear = |patch: &Patch| {
-            patch.length <= MAX_SMALL_GROUP_FANS && patch.cost() >= DEAR_COST_PER_TEXEL * patch.texels()
+            patch.length <= MAX_SMALL_GROUP_FANS
+                && patch.cost() >= DEAR_COST_PER_TEXEL * patch.texels()
+                && !patch.is_island(&self.order, islands)
         };
         let lost_per_fan = |patch: &Patch| (patch.cost() - patch.texels()) / patch.length as f32;
         let numbered = patches.par_iter().zip(0..patches.len()).with_min_len(1 << 10);

@@ -24,6 +24,7 @@ mod flatten;
 mod footprints;
 mod groups;
 mod injective;
+mod islands;
 mod merge;
 mod nominal;
 mod pack;
