@@ -228,13 +228,11 @@ pub enum ToneMap {
     #[default]
     #[serde(rename = "none", alias = "clip")]
     Clip,
-    /// Reinhard's curve.
-    // `L (1 + L / white^2) / (1 + L)` of the luminance; hues are kept (E. Reinhard et al., "Photographic Tone Reproduction for
-    // Digital Images", 2002, equation 4).
+    /// Reinhard's curve of the luminance, hues kept: `L (1 + L / 16) / (1 + L)`, which is 1 at 4.
+    // E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002, equation 4, with `white` 4.
     Reinhard,
-    /// A film-like curve.
-    // Per channel `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`, close to that of the Academy Color Encoding System
-    // (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
+    /// A film-like curve of each channel: `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`.
+    // Close to that of the Academy Color Encoding System (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
     Filmic,
 }
 

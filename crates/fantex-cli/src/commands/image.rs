@@ -67,6 +67,17 @@ pub(crate) enum FileDepth {
     Float,
 }
 
+impl FileDepth {
+    /// The numbers of such a file of pictures in `space`; floating-point numbers are linear.
+    fn numbers(self, space: ColorSpace) -> (Depth, ColorSpace) {
+        match self {
+            Self::Eight => (Depth::U8, space),
+            Self::Sixteen => (Depth::U16, space),
+            Self::Float => (Depth::F32, ColorSpace::Linear),
+        }
+    }
+}
+
 pub(crate) const DEPTHS: Choices<FileDepth, 3> = [
     ("8", "Eight bits", FileDepth::Eight),
     ("16", "Sixteen bits", FileDepth::Sixteen),
@@ -111,11 +122,7 @@ pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
 
 /// Writes an image.
 pub(crate) fn saved(image: &Image, depth: FileDepth, space: ColorSpace, path: &Path) -> Result<()> {
-    let (depth, space) = match depth {
-        FileDepth::Eight => (Depth::U8, space),
-        FileDepth::Sixteen => (Depth::U16, space),
-        FileDepth::Float => (Depth::F32, ColorSpace::Linear),
-    };
+    let (depth, space) = depth.numbers(space);
     image.converted(depth, space).save(path)
 }
 
@@ -160,7 +167,10 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
             let texels = u64::from(width) * (4 * u64::from(image.height) + 4 * u64::from(height));
             let what = format!("scaling to {width} x {height} texels");
             let _held = input::reserve(what, texels.saturating_mul(size_of::<f32>() as u64))?;
-            image.resized(width, height, AlphaUse::Coverage)
+            // Rounded once, to the numbers of the file; heights not at all, as their differences are small.
+            let depth = if args.derivatives { FileDepth::Float } else { args.depth.unwrap_or(own) };
+            let (depth, space) = depth.numbers(space);
+            image.resized_as([width, height], AlphaUse::Coverage, depth, space)
         }
         None => image,
     };

@@ -36,7 +36,7 @@ parameters! {
         pub occlusion: Option<Input> = None,
         /// Ambient reflectance (Blinn-Phong), a factor of the base colour; 1 where it is left out.
         pub ambient: Option<Input> = None,
-        /// Specular reflectance (Blinn-Phong), or factor of the dielectric's highlight (metallic-roughness); 1 where it is left out.
+        /// Specular reflectance (Blinn-Phong with `shininess`), else factor of the dielectric's highlight; 1 where it is left out.
         pub specular: Option<Input> = None,
         /// Exponent of the highlight (Blinn-Phong); from the roughness where it is left out.
         pub shininess: Option<Input> = None,

@@ -521,7 +521,7 @@ pub enum Operation {
     Maximum,
     /// `a / b`, and 0 where `b` is 0.
     Divide,
-    /// What is left of `a` after as many whole `b` as fit in it: from 0 up to `b`.
+    /// What is left of `a` after as many whole `b` as fit in it: from 0 up to `b`; `a` where `b` is 0.
     Modulo,
     /// `a` rounded to the nearest whole number.
     Round,
