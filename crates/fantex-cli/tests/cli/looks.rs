@@ -757,7 +757,7 @@ fn images_are_warped_and_scaled() {
     assert_eq!([pot.width, pot.height], [128, 64]);
     let info = json(&[&"image", &image, &"-o", &at("d.png"), &"--derivatives", &"--wrap", &"clamp"]);
     assert!((info["range"].as_f64().unwrap() - 100.0 / 99.0).abs() < 0.2, "{info}");
-    // A cubic through bytes is at most 1.28 steep; rounded to bytes again, it would have steps of 400 / 255.
+    // A cubic through bytes is at most 1.34 steep; rounded to bytes again, it would have steps of 400 / 255.
     let info = json(&[
         &"image",
         &image,

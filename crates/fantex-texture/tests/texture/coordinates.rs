@@ -135,6 +135,10 @@ fn matrices_out_of_range_are_refused() {
         TextureMatrixOptions { scale: Scale::Two([0.0, 1.0]), ..default },
         TextureMatrixOptions { rotation: f32::NAN, ..default },
         TextureMatrixOptions { scale_per_second: -1.0, ..default },
+        TextureMatrixOptions {
+            matrix: Some(Projective(Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)))),
+            ..default
+        },
     ] {
         assert!(refused(options).to_string().contains("must be finite"), "{options:?}");
     }
