@@ -54,9 +54,9 @@ parameters! {
         pub displacement: Option<DisplacementTable> = None,
         /// Light that was computed before: replaces direct and ambient light, and where it is below 1, dims what is mirrored.
         pub light_map: Option<Input> = None,
-        /// Multiplied onto the lit colour at the end.
+        /// Multiplied onto the lit colour; emission is added to that.
         pub modulate: Option<Input> = None,
-        /// Another texture that the lit colour is combined with after that.
+        /// Another texture that the lit colour, with its emission, is combined with in the end.
         pub fragment: Option<FragmentTable> = None,
         /// Colours of the diffuse light instead of its cosine.
         pub toon: Option<ToonTable> = None,
