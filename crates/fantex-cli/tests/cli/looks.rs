@@ -595,11 +595,7 @@ fn textures_are_tabulated_into_files() {
     let exr = at("x.exr");
     let base: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"table", &look, &"--texture", &"x"];
     let info = json(
-        &[
-            &base[..],
-            &[&"-o", &exr, &"--size", &"8x2", &"--from", &"-1,1,0", &"--to", &"3,-1,0", &"--depth", &"float"],
-        ]
-        .concat(),
+        &[&base[..], &[&"-o", &exr, &"--size", &"8x2", &"--from", &"-1,1,0", &"--to", &"3,-1,0"]].concat(),
     );
     let image = Image::load(&exr).unwrap();
     for x in 0..8 {
