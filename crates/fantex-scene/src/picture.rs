@@ -78,10 +78,10 @@ parameters! {
     /// A halo around bright light.
     #[derive(Copy)]
     pub struct Glow {
-        /// Radius in shares of the picture's height: the standard deviation of the widest Gaussian.
+        /// Radius in shares of the picture's height: the standard deviation of the widest of four Gaussians, each half as wide as the one before.
         #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
         pub radius: f32 = 0.05,
-        /// Share of the light that is spread.
+        /// Light of the halo, which is added, as a share of the light that makes it.
         #[schemars(range(min = 0, max = 100))]
         pub strength: f32 = 0.5,
         /// Light above which the picture glows, the excess only. Without it only emission glows, all of it.
