@@ -437,7 +437,7 @@ pub struct TextureUse<T = Arc<dyn Texture>> {
     /// Only this channel, as grey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
-    /// What the texture is multiplied with.
+    /// What the texture is multiplied with; a number leaves alpha as it is.
     #[serde(default = "Factor::one", skip_serializing_if = "Factor::is_one")]
     pub factor: Factor,
     /// What is added to red, green and blue after that.
