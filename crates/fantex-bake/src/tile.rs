@@ -35,8 +35,8 @@ use evaluation::Evaluation;
 
 mod evaluation;
 
-/// The margin of light that is denoised, in whole texels of `SHARED_LEVEL`.
-const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(1 << SHARED_LEVEL);
+/// The margin of light that is denoised, a multiple of `BLOCK_MARGIN` as all margins are.
+const NOISY_MARGIN: u32 = BLOCK_MARGIN + REACH_TEXELS.next_multiple_of(BLOCK_MARGIN);
 
 /// Points of a triangle that are found at once.
 const PLANE_POINTS: usize = 8;
@@ -603,7 +603,7 @@ mod tests {
         };
         let extent = cover.groups[0].extent;
         let whole = raster(TexelBlock { origin: [0, 0], extent });
-        let (origin, size, margin) = ([50, 30], [80, 90], NOISY_MARGIN - BLOCK_MARGIN);
+        let (origin, size, margin) = ([50, 30], [80, 90], REACH_TEXELS);
         let part = raster(TexelBlock { origin, extent: size });
         let mut differ = false;
         for y in 0..size[1] {

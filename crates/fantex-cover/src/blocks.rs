@@ -12,7 +12,7 @@ pub const MAX_BLOCK_SIDE: u32 = 1024;
 /// The finest level at which a block is smaller than a page.
 pub const SHARED_LEVEL: u32 = 3;
 
-/// The margin of a block, texels of level 0: two texels of [`SHARED_LEVEL`].
+/// The margin of a block, texels of level 0: two texels of [`SHARED_LEVEL`], and four of the level before, so that 4x4 blocks stay whole.
 pub const BLOCK_MARGIN: u32 = 16;
 
 /// A block of a tile. Along a short side it is the whole tile, and nothing is cut there.
@@ -38,8 +38,12 @@ pub struct BlockPart {
 }
 
 impl TileBlock {
-    /// The blocks of a tile of `extent` texels, row by row, with a margin (a multiple of 8 texels) within the tile.
+    /// The blocks of a tile of `extent` texels, row by row, with a margin within the tile.
+    ///
+    /// # Panics
+    /// If the margin is not a multiple of [`BLOCK_MARGIN`].
     pub fn all(extent: [u32; 2], margin: u32) -> Vec<Self> {
+        assert!(margin.is_multiple_of(BLOCK_MARGIN), "a margin of {margin} texels");
         let [columns, rows] = extent.map(|n| n.div_ceil(MAX_BLOCK_SIDE));
         let places = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
         let block = |at: [u32; 2]| {
@@ -80,11 +84,14 @@ impl TileBlock {
 mod tests {
     use super::*;
 
-    /// At every level the blocks lie side by side and are the whole tile, and lie within what they are with their margin.
+    /// At every level the blocks lie side by side and are the whole tile, and lie within what they are with their margin. That
+    /// consists of blocks of 4x4 texels wherever it is encoded.
     #[test]
     fn blocks_are_the_tile_at_every_level() {
-        for extent in [[1056, 40], [2048, 1024], [3104, 2080]] {
-            let blocks = TileBlock::all(extent, BLOCK_MARGIN);
+        let extents = [[1056, 40], [2048, 1024], [3104, 2080]];
+        let cases = extents.into_iter().flat_map(|extent| [1, 2].map(|n| (extent, n * BLOCK_MARGIN)));
+        for (extent, margin) in cases {
+            let blocks = TileBlock::all(extent, margin);
             let texels: u64 = extent.map(u64::from).iter().product();
             assert_eq!(blocks.iter().map(TileBlock::texel_count).sum::<u64>(), texels);
             let mut around: Vec<[u32; 2]> = blocks.iter().map(|block| block.around.extent).collect();
@@ -94,6 +101,8 @@ mod tests {
                 for (block, around) in blocks.iter().zip(&mut around) {
                     let BlockPart { start, size, first } = block.at_level(level);
                     assert!((0..2).all(|k| start[k] + size[k] <= around[k]), "{extent:?} {level} {block:?}");
+                    let is_whole = start.iter().chain(&*around).all(|n| n.is_multiple_of(4));
+                    assert!(is_whole || level == SHARED_LEVEL, "{extent:?} {level} {block:?}");
                     for y in first[1]..first[1] + size[1] {
                         for x in first[0]..first[0] + size[0] {
                             seen[(y * of_tile[0] + x) as usize] += 1;

@@ -78,10 +78,10 @@ parameters! {
     /// A halo around bright light.
     #[derive(Copy)]
     pub struct Glow {
-        /// Radius in shares of the picture's height: the standard deviation of the widest Gaussian.
+        /// Radius in shares of the picture's height: the standard deviation of the widest of four Gaussians, each half as wide as the one before.
         #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
         pub radius: f32 = 0.05,
-        /// Share of the light that is spread.
+        /// Light of the halo, which is added, as a share of the light that makes it.
         #[schemars(range(min = 0, max = 100))]
         pub strength: f32 = 0.5,
         /// Light above which the picture glows, the excess only. Without it only emission glows, all of it.
@@ -228,13 +228,11 @@ pub enum ToneMap {
     #[default]
     #[serde(rename = "none", alias = "clip")]
     Clip,
-    /// Reinhard's curve.
-    // `L (1 + L / white^2) / (1 + L)` of the luminance; hues are kept (E. Reinhard et al., "Photographic Tone Reproduction for
-    // Digital Images", 2002, equation 4).
+    /// Reinhard's curve of the luminance, hues kept: `L (1 + L / 16) / (1 + L)`, which is 1 at 4.
+    // E. Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002, equation 4, with `white` 4.
     Reinhard,
-    /// A film-like curve.
-    // Per channel `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`, close to that of the Academy Color Encoding System
-    // (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
+    /// A film-like curve of each channel: `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`.
+    // Close to that of the Academy Color Encoding System (K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2015).
     Filmic,
 }
 

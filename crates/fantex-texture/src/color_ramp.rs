@@ -73,7 +73,8 @@ impl ColorRamp {
         for (index, &Stop { at: position, .. }) in self.stops.iter().enumerate() {
             if !position.is_finite() || position < before {
                 return Err(Error::invalid(format!(
-                    "stop {index} of a colour ramp is at {position}; stops must be finite and in ascending order"
+                    "stop {} of a colour ramp is at {position}; stops must be finite and in ascending order",
+                    index + 1
                 )));
             }
             before = position;

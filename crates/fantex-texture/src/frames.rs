@@ -18,7 +18,7 @@ pub enum FrameWrap {
     /// All frames again. The last one stays, or fades into the first, until the next round.
     #[default]
     Repeat,
-    /// All frames backwards, then forwards again.
+    /// All frames backwards, then forwards again, the first and the last once each time.
     Mirror,
 }
 

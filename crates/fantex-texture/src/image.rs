@@ -222,9 +222,24 @@ impl Image {
     /// If a side of the new or of the old size is 0.
     #[must_use]
     pub fn resized(&self, width: u32, height: u32, alpha: AlphaUse) -> Self {
+        self.resized_as([width, height], alpha, self.samples.depth(), self.space)
+    }
+
+    /// As [`Image::resized`], with another depth and colour space: rounded once, to those.
+    ///
+    /// # Panics
+    /// If a side of the new or of the old size is 0.
+    #[must_use]
+    pub fn resized_as(
+        &self,
+        [width, height]: [u32; 2],
+        alpha: AlphaUse,
+        depth: Depth,
+        space: ColorSpace,
+    ) -> Self {
         assert!(width > 0 && height > 0 && self.width > 0 && self.height > 0, "an image needs texels");
         if [width, height] == [self.width, self.height] {
-            return self.clone();
+            return self.converted(depth, space);
         }
         let alpha = if self.has_alpha() { alpha } else { AlphaUse::Independent };
         let (columns, rows) = (taps(self.width, width), taps(self.height, height));
@@ -235,7 +250,7 @@ impl Image {
                 stored_channels(resolve(sum, alpha), channels).into_iter().take(channels)
             })
             .collect();
-        Self::from_linear(width, height, self.channels, samples).converted(self.samples.depth(), self.space)
+        Self::from_linear(width, height, self.channels, samples).converted(depth, space)
     }
 }
 

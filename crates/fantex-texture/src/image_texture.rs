@@ -281,6 +281,17 @@ impl ImageTexture {
         resolve(plan.nearest_mean(level, texels, uv), texels.alpha)
     }
 
+    /// As [`ImageTexture::sample_area`], of the bicubic reconstruction of level 0, for edges of at most one texel.
+    pub fn sample_area_bicubic(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
+        let texels = self.texels(wrap);
+        // Two points of Gauss along each edge: exact for cubics.
+        let [a, b] = footprint.map(|edge| edge * (0.5 / 3.0_f32.sqrt()));
+        let points = [a + b, a - b, b - a, -a - b].map(|offset| uv + offset);
+        let sum: Vec4 =
+            points.iter().map(|&point| filter::reconstructed::<4>(&self.base, texels, point, wrap)).sum();
+        resolve(sum / 4.0, texels.alpha)
+    }
+
     /// [`ImageTexture::sample_area`] prepared for many look-ups with the same footprint, such as the texels of a triangle.
     #[inline]
     pub fn area_sampler(&self, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> AreaSampler<'_> {

@@ -109,7 +109,8 @@ impl SurfaceDetail {
             let outlines = checked_outlines(polygon, &polygons[polygon])?;
             let own = trapezoids(&outlines).ok_or_else(|| {
                 Error::invalid(format!(
-                    "the outlines of detail polygon {polygon} cross; cut it into polygons that do not"
+                    "the outlines of detail polygon {} cross; cut it into polygons that do not",
+                    polygon + 1
                 ))
             })?;
             owners.extend(std::iter::repeat_n(polygon as u32, own.len()));
@@ -227,7 +228,9 @@ fn touch(a: [DVec2; 2], b: [DVec2; 2]) -> bool {
 }
 
 fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVec2>>> {
-    for (outline, corners) in polygon.outlines.iter().enumerate() {
+    // Sentences count from 1, as keys of looks do.
+    let index = index + 1;
+    for (outline, corners) in (1..).zip(&polygon.outlines) {
         if corners.len() < 3 {
             let count = counted(corners.len(), "corner");
             return Err(Error::invalid(format!(
@@ -238,7 +241,8 @@ fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVe
         if let Some(corner) = bad {
             let Vec2 { x, y } = corners[corner];
             return Err(Error::invalid(format!(
-                "corner {corner} of outline {outline} of detail polygon {index} is ({x}, {y}), but must lie within 1e6"
+                "corner {} of outline {outline} of detail polygon {index} is ({x}, {y}), but must lie within 1e6",
+                corner + 1
             )));
         }
     }
@@ -470,7 +474,7 @@ fn shifts(polygon: &DetailPolygon) -> (Vec2, [f32; 2]) {
 /// The copies of one polygon would be more than [`MAX_COPIES`].
 fn bytes_of_neighbours(polygons: &[DetailPolygon]) -> Result<u64> {
     let mut bytes = 0;
-    for (index, polygon) in polygons.iter().enumerate() {
+    for (index, polygon) in (1..).zip(polygons) {
         let (_, [columns, rows]) = shifts(polygon);
         if columns * rows > MAX_COPIES {
             return Err(Error::malformed(format!(

@@ -701,6 +701,32 @@ fn bakes_take_the_noise_out() {
     assert!(after.mean_error_left < 0.33 * before.mean_error, "{after:?}");
 }
 
+/// Denoised light of tiles that are baked in blocks: in the sun, all texels of a level strip have the cosine.
+#[test]
+fn long_tiles_are_denoised() {
+    let mut strip = generate::grid(1);
+    strip.positions.iter_mut().for_each(|p| p.x *= 200.0);
+    let mesh = cleaned(strip);
+    let options = fantex_cover::CoverOptions {
+        budget: fantex_cover::TexelBudget::Total(9_000),
+        ..fantex_cover::CoverOptions::default()
+    };
+    let (cover, _) = fantex_cover::build_cover(&mesh, &options).unwrap();
+    let longest = cover.groups.iter().flat_map(|group| group.extent).max();
+    assert!(longest > Some(fantex_cover::MAX_BLOCK_SIDE), "{longest:?}");
+    let to_light = Vec3::new(0.8, 0.6, 0.0);
+    let sun = BakeLight::Directional { to_light, color: Vec3::ONE, radius_degrees: 0.0 };
+    let scene = LightScene { lights: vec![sun], sky: &black, reflector: &gray };
+    let source = LightMapSource::new(&mesh, &scene, direct(4)).unwrap();
+    let asset = baked(&mesh, &cover, &source, &float_options(Fit::Point));
+    for (triangle, level) in (0..mesh.triangles.len()).flat_map(|t| (0..4).map(move |level| (t, level))) {
+        for lambda in common::barycentric_points(8) {
+            let light = sample(&asset.cache, 0, level, triangle, lambda).truncate();
+            assert!((light - 0.6).abs().max_element() < 1e-4, "level {level}, {lambda}: {light}");
+        }
+    }
+}
+
 // A bake that is no longer wanted.
 
 /// Wants to stop from the `n`-th question on.

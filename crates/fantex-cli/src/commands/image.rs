@@ -54,7 +54,7 @@ pub(crate) struct ImageArgs {
     /// What the image's numbers mean; heights are linear
     #[arg(long, value_parser = one_of(&SPACES))]
     color_space: Option<ColorSpace>,
-    /// Numbers of the file; 16 for derivatives, else those of the image
+    /// Numbers of the file [default: float for .exr and .hdr, 16 for derivatives, else those of the image]
     #[arg(long, value_parser = one_of(&DEPTHS))]
     depth: Option<FileDepth>,
 }
@@ -65,6 +65,17 @@ pub(crate) enum FileDepth {
     Eight,
     Sixteen,
     Float,
+}
+
+impl FileDepth {
+    /// The numbers of such a file of pictures in `space`; floating-point numbers are linear.
+    fn numbers(self, space: ColorSpace) -> (Depth, ColorSpace) {
+        match self {
+            Self::Eight => (Depth::U8, space),
+            Self::Sixteen => (Depth::U16, space),
+            Self::Float => (Depth::F32, ColorSpace::Linear),
+        }
+    }
 }
 
 pub(crate) const DEPTHS: Choices<FileDepth, 3> = [
@@ -91,31 +102,33 @@ const DIFFERENCES: Choices<Difference, 3> = [
     ("central", "From the texel before to the next", Difference::Central),
 ];
 
-/// Refuses a depth that the file's format does not have.
-pub(crate) fn check_depth(depth: FileDepth, path: &Path) -> Result<()> {
-    let has_bytes = ["jpg", "jpeg", "webp"].iter().any(|extension| has_extension(path, extension));
-    if has_bytes && depth != FileDepth::Eight {
-        let path = path.display();
-        return Err(Error::invalid(format!(
-            "{path} holds eight bits per number; leave --depth out, or write a .png"
-        )));
-    }
-    if depth == FileDepth::Float && has_extension(path, "png") {
-        let path = path.display();
-        return Err(Error::invalid(format!(
-            "{path} holds no floating-point numbers; write an .exr or .hdr, or give --depth 16"
-        )));
-    }
-    Ok(())
+/// The numbers of a file: those that are asked for, else floats where its format holds nothing else, else `otherwise`.
+///
+/// # Errors
+/// The file's format does not have those that are asked for.
+pub(crate) fn depth_of(asked: Option<FileDepth>, otherwise: FileDepth, path: &Path) -> Result<FileDepth> {
+    let is_any = |extensions: &[&str]| extensions.iter().any(|extension| has_extension(path, extension));
+    let holds_floats = is_any(&["exr", "hdr"]);
+    let sentence = match asked {
+        None if holds_floats => return Ok(FileDepth::Float),
+        None => return Ok(otherwise),
+        Some(FileDepth::Sixteen | FileDepth::Float) if is_any(&["jpg", "jpeg", "webp"]) => {
+            "holds eight bits per number; leave --depth out, or write a .png"
+        }
+        Some(FileDepth::Float) if is_any(&["png"]) => {
+            "holds no floating-point numbers; write an .exr or .hdr, or give --depth 16"
+        }
+        Some(FileDepth::Eight | FileDepth::Sixteen) if holds_floats => {
+            "holds floating-point numbers; leave --depth out, or write a .png"
+        }
+        Some(depth) => return Ok(depth),
+    };
+    Err(Error::invalid(format!("{} {sentence}", path.display())))
 }
 
 /// Writes an image.
 pub(crate) fn saved(image: &Image, depth: FileDepth, space: ColorSpace, path: &Path) -> Result<()> {
-    let (depth, space) = match depth {
-        FileDepth::Eight => (Depth::U8, space),
-        FileDepth::Sixteen => (Depth::U16, space),
-        FileDepth::Float => (Depth::F32, ColorSpace::Linear),
-    };
+    let (depth, space) = depth.numbers(space);
     image.converted(depth, space).save(path)
 }
 
@@ -140,7 +153,8 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
     if !args.power_of_two && args.size.is_none() && !args.derivatives {
         return Err(Error::invalid("say what to do: --power-of-two, --size WxH or --derivatives"));
     }
-    args.depth.map_or(Ok(()), |depth| check_depth(depth, &args.output))?;
+    // Refused before the image is read.
+    depth_of(args.depth, FileDepth::Eight, &args.output)?;
     let default_space = if args.derivatives { ColorSpace::Linear } else { ColorSpace::Srgb };
     let space = args.color_space.unwrap_or(default_space);
     let image = Image::load_as(&args.image, space)?;
@@ -153,6 +167,8 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
         Depth::U16 => FileDepth::Sixteen,
         Depth::F32 => FileDepth::Float,
     };
+    let otherwise = if args.derivatives { FileDepth::Sixteen } else { own };
+    let depth = depth_of(args.depth, otherwise, &args.output)?;
     let to_power = args.power_of_two.then(|| [image.width, image.height].map(nearest_power_of_two));
     let scaled = match args.size.or(to_power) {
         Some([width, height]) => {
@@ -160,7 +176,10 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
             let texels = u64::from(width) * (4 * u64::from(image.height) + 4 * u64::from(height));
             let what = format!("scaling to {width} x {height} texels");
             let _held = input::reserve(what, texels.saturating_mul(size_of::<f32>() as u64))?;
-            image.resized(width, height, AlphaUse::Coverage)
+            // Rounded once, to the numbers of the file; heights not at all, as their differences are small.
+            let depth = if args.derivatives { FileDepth::Float } else { depth };
+            let (depth, space) = depth.numbers(space);
+            image.resized_as([width, height], AlphaUse::Coverage, depth, space)
         }
         None => image,
     };
@@ -170,10 +189,9 @@ pub(crate) fn run(args: &ImageArgs, context: &Context) -> Result<()> {
         let range = args.range.map(|range| range as f32);
         let texture = DerivativeTexture::new(&scaled, args.difference, [args.wrap; 2], range)?;
         info.range = Some(texture.range);
-        let depth = args.depth.unwrap_or(FileDepth::Sixteen);
         saved(&texture.image, depth, ColorSpace::Linear, &args.output)?;
     } else {
-        saved(&scaled, args.depth.unwrap_or(own), space, &args.output)?;
+        saved(&scaled, depth, space, &args.output)?;
     }
     context.print(&info, |info| {
         let range = info.range.map_or(String::new(), |range| format!(", derivatives up to {range}"));

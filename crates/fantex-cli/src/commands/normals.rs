@@ -9,7 +9,7 @@ use fantex::texture::ColorSpace;
 use fantex::{Error, Result};
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, check_depth, saved};
+use crate::commands::image::{DEPTHS, FileDepth, depth_of, saved};
 use crate::context::Context;
 use crate::scene::{ReadArgs, check_picture_name, open_shape, show_notes, size};
 use crate::text::{Choices, ShownPath, one_of, positive, whole};
@@ -50,9 +50,9 @@ pub(crate) struct NormalsArgs {
     /// How far the detailed surface is looked for, world units
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = positive)]
     cage: Option<f64>,
-    /// Numbers of the file
-    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
-    depth: FileDepth,
+    /// Numbers of the file [default: float for .exr and .hdr, else 8]
+    #[arg(long, value_parser = one_of(&DEPTHS))]
+    depth: Option<FileDepth>,
     #[command(flatten)]
     read: ReadArgs,
 }
@@ -80,7 +80,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     context.check_output_of(&args.output, &args.coarse)?;
     context.check_output_of(&args.output, &args.detailed)?;
     check_picture_name(&args.output, false)?;
-    check_depth(args.depth, &args.output)?;
+    let depth = depth_of(args.depth, FileDepth::Eight, &args.output)?;
     let options = NormalMapOptions {
         size: args.size,
         uv_set: args.uv_set,
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &NormalsArgs, context: &Context) -> Result<()> {
     }
     {
         let _deferral = context.defer_interrupt();
-        saved(&image, args.depth, ColorSpace::Linear, &args.output)?;
+        saved(&image, depth, ColorSpace::Linear, &args.output)?;
     }
     let [width, height] = args.size;
     let info = NormalsInfo {

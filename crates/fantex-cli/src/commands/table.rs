@@ -9,7 +9,7 @@ use fantex::texture::{ColorSpace, Image};
 use fantex::{Error, LookTable, Result, look_texture};
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, SPACES, check_depth, saved};
+use crate::commands::image::{DEPTHS, FileDepth, SPACES, depth_of, saved};
 use crate::context::Context;
 use crate::scene::{check_picture_name, finite, size, vector};
 use crate::series::Series;
@@ -26,7 +26,8 @@ Example:
 
 The domain is a rectangle of object space: columns go from the x of --from to that of --to, rows from y to y, slices from z to z. Texture \
 coordinates go from 0 to 1 over it, so that images are seen whole. It is the front of a cube of edge 1 where it is left out: -0.5,0.5,0 to \
-0.5,-0.5,0, the first row on top. A texel is the texture's mean over it; --samples takes more means of smaller parts.
+0.5,-0.5,0, the first row on top. A texel is the texture's mean over it; --samples takes more means of smaller parts. In an .exr, colours \
+are multiplied by alpha, as that format has them.
 
 With --slices the output is a folder of pictures, slice-0001.png and so on, the lowest z first where z grows: what 'slices' of a look's \
 'volume' reads.")]
@@ -57,9 +58,9 @@ pub(crate) struct TableArgs {
     /// Seconds since the start of an animation
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0, value_parser = finite)]
     time: f32,
-    /// Numbers of the file
-    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
-    depth: FileDepth,
+    /// Numbers of the file [default: float for .exr and .hdr, else 8]
+    #[arg(long, value_parser = one_of(&DEPTHS))]
+    depth: Option<FileDepth>,
     /// How they are written: colours as sRGB, heights and other numbers linear [default: srgb; floating-point numbers are linear]
     #[arg(long, value_parser = one_of(&SPACES))]
     color_space: Option<ColorSpace>,
@@ -78,8 +79,9 @@ struct TableInfo {
 }
 
 pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
-    if args.depth == FileDepth::Float && args.color_space == Some(ColorSpace::Srgb) {
-        return Err(Error::invalid("--depth float is always linear; leave --color-space srgb out"));
+    let depth = depth_of(args.depth, FileDepth::Eight, &args.output)?;
+    if depth == FileDepth::Float && args.color_space == Some(ColorSpace::Srgb) {
+        return Err(Error::invalid("floating-point numbers are always linear; leave --color-space srgb out"));
     }
     let file = LookFile::read(&args.look)?;
     let (name, texture) = look_texture(&file, args.texture.as_deref(), context.resolve_options())?;
@@ -93,7 +95,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     let paths: Vec<PathBuf> = match args.slices {
         None => vec![args.output.clone()],
         Some(count) => {
-            let extension = if args.depth == FileDepth::Float { "exr" } else { "png" };
+            let extension = if depth == FileDepth::Float { "exr" } else { "png" };
             (1..=count).map(|i| args.output.join(format!("slice-{i:04}.{extension}"))).collect()
         }
     };
@@ -103,7 +105,6 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
     paths.iter().try_for_each(|path| context.check_output_of(path, &args.look))?;
     if args.slices.is_none() {
         check_picture_name(&args.output, false)?;
-        check_depth(args.depth, &args.output)?;
     }
     let (mut min, mut max) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
     let table = LookTable {
@@ -125,7 +126,7 @@ pub(crate) fn run(args: &TableArgs, context: &Context) -> Result<()> {
             true => Image::from_linear_rgb(width, height, &texels),
             false => Image::from_linear_rgba(width, height, &texels),
         };
-        let save = || saved(&image, args.depth, args.color_space.unwrap_or(ColorSpace::Srgb), path);
+        let save = || saved(&image, depth, args.color_space.unwrap_or(ColorSpace::Srgb), path);
         series.as_mut().map_or_else(save, |series| series.write(path, save))?;
     }
     if let Some(series) = series {

@@ -14,7 +14,7 @@ use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Wr
 use fantex::{Error, Result};
 use serde::Serialize;
 
-use crate::commands::image::{DEPTHS, FileDepth, WRAPS, check_depth, saved};
+use crate::commands::image::{DEPTHS, FileDepth, WRAPS, depth_of, saved};
 use crate::context::Context;
 use crate::scene::{FILTERS, check_picture_name, size};
 use crate::text::{Choices, ShownPath, one_of};
@@ -62,9 +62,9 @@ pub(crate) struct WarpArgs {
         help = "What lies outside the image, by inverse affine and perspective mapping [default: border]"
     )]
     wrap: Option<Wrap>,
-    /// Numbers of the file
-    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8")]
-    depth: FileDepth,
+    /// Numbers of the file [default: float for .exr and .hdr, else 8]
+    #[arg(long, value_parser = one_of(&DEPTHS))]
+    depth: Option<FileDepth>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -193,7 +193,7 @@ fn check_is_used(args: &WarpArgs) -> Result<()> {
 
 pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     check_is_used(args)?;
-    check_depth(args.depth, &args.output)?;
+    let depth = depth_of(args.depth, FileDepth::Eight, &args.output)?;
     let image = Image::load_as(&args.image, ColorSpace::Srgb)?;
     context.check_output_of(&args.output, &args.image)?;
     check_picture_name(&args.output, true)?;
@@ -224,7 +224,7 @@ pub(crate) fn run(args: &WarpArgs, context: &Context) -> Result<()> {
     };
     let alphas = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
     let covered: f64 = alphas.map(|(x, y)| f64::from(warped.linear_texel(x, y)[3])).sum();
-    saved(&warped, args.depth, ColorSpace::Srgb, &args.output)?;
+    saved(&warped, depth, ColorSpace::Srgb, &args.output)?;
     let info = WarpInfo {
         output: (&args.output).into(),
         width: size[0],

@@ -62,6 +62,7 @@ fn flags_without_an_effect_are_refused() {
             "render IN/a.ply -o IN/a.png --environment sky --background gradient --background-blur 0.5",
         ),
         (["floating-point", "--depth"], "image IN/a.exr -o IN/b.png --size 8x8 --depth float"),
+        (["floating-point", "--depth"], "table IN/look.toml -o IN/a.exr --depth 16"),
         (["--pool", "asset"], "render IN/a.ply -o IN/a.png --gpu --pool 64M"),
         (["--color-space", "linear"], "table IN/look.toml -o IN/a.exr --depth float --color-space srgb"),
         (["--triangles", "[MODEL]"], "bench cover IN/a.ply --triangles 5k"),

@@ -36,7 +36,7 @@ parameters! {
         pub occlusion: Option<Input> = None,
         /// Ambient reflectance (Blinn-Phong), a factor of the base colour; 1 where it is left out.
         pub ambient: Option<Input> = None,
-        /// Specular reflectance (Blinn-Phong), or factor of the dielectric's highlight (metallic-roughness); 1 where it is left out.
+        /// Specular reflectance (Blinn-Phong with `shininess`), else factor of the dielectric's highlight; 1 where it is left out.
         pub specular: Option<Input> = None,
         /// Exponent of the highlight (Blinn-Phong); from the roughness where it is left out.
         pub shininess: Option<Input> = None,
@@ -54,9 +54,9 @@ parameters! {
         pub displacement: Option<DisplacementTable> = None,
         /// Light that was computed before: replaces direct and ambient light, and where it is below 1, dims what is mirrored.
         pub light_map: Option<Input> = None,
-        /// Multiplied onto the lit colour at the end.
+        /// Multiplied onto the lit colour; emission is added to that.
         pub modulate: Option<Input> = None,
-        /// Another texture that the lit colour is combined with after that.
+        /// Another texture that the lit colour, with its emission, is combined with in the end.
         pub fragment: Option<FragmentTable> = None,
         /// Colours of the diffuse light instead of its cosine.
         pub toon: Option<ToonTable> = None,

@@ -437,7 +437,7 @@ pub struct TextureUse<T = Arc<dyn Texture>> {
     /// Only this channel, as grey.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channel: Option<Channel>,
-    /// What the texture is multiplied with.
+    /// What the texture is multiplied with; a number leaves alpha as it is.
     #[serde(default = "Factor::one", skip_serializing_if = "Factor::is_one")]
     pub factor: Factor,
     /// What is added to red, green and blue after that.
@@ -521,7 +521,7 @@ pub enum Operation {
     Maximum,
     /// `a / b`, and 0 where `b` is 0.
     Divide,
-    /// What is left of `a` after as many whole `b` as fit in it: from 0 up to `b`.
+    /// What is left of `a` after as many whole `b` as fit in it: from 0 up to `b`; `a` where `b` is 0.
     Modulo,
     /// `a` rounded to the nearest whole number.
     Round,

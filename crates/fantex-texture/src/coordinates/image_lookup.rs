@@ -82,9 +82,15 @@ impl ImageLookup {
     fn sample_area(&self, UvPoint { uv, steps }: UvPoint) -> [f32; 4] {
         if self.square_texels || self.options.filter == Filter::Nearest {
             self.texture.sample_area_nearest(uv, steps, self.options.wrap)
+        } else if self.is_bicubic() && self.is_magnified(steps) {
+            self.texture.sample_area_bicubic(uv, steps, self.options.wrap)
         } else {
             self.texture.sample_area(uv, steps, self.options.wrap)
         }
+    }
+
+    fn is_bicubic(&self) -> bool {
+        matches!(self.options.filter, Filter::Bicubic | Filter::BicubicMipmaps)
     }
 
     /// Whether no edge of the footprint is longer than a texel.
@@ -137,7 +143,7 @@ impl Texture for ImageLookup {
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
         let own = at.iter().filter(|at| at.filtering == Filtering::Own).count();
-        let is_area = own == 0 && self.options.filter != Filter::Nearest;
+        let is_area = own == 0 && self.options.filter != Filter::Nearest && !self.is_bicubic();
         if !self.is_plain() || !(own == at.len() || is_area) {
             at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
             return;

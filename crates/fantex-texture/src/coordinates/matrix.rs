@@ -76,7 +76,13 @@ impl TextureMatrixOptions {
 
     fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a texture matrix";
-        Allowed::Finite.check(OWNER, "the matrix", &self.matrix().to_cols_array())?;
+        let matrix = self.matrix();
+        Allowed::Finite.check(OWNER, "the matrix", &matrix.to_cols_array())?;
+        Allowed::Positive.check(
+            OWNER,
+            "the largest number of the last row",
+            &[matrix.row(2).abs().max_element()],
+        )?;
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &self.scale().to_array())?;
         Allowed::Finite.check(OWNER, "the rotation", &[self.rotation])?;

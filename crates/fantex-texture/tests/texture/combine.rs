@@ -277,7 +277,7 @@ mod color_ramp {
         let refused = |stops| ColorRamp::new(stops, RampInterpolation::Linear).unwrap_err().to_string();
         assert!(refused(Vec::new()).contains("at least one stop"));
         let stops = vec![(1.0, Vec4::ZERO), (0.0, Vec4::ONE)];
-        assert!(refused(stops).contains("stop 1 of a colour ramp is at 0"));
+        assert!(refused(stops).contains("stop 2 of a colour ramp is at 0"));
     }
 }
 

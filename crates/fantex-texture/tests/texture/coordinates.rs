@@ -135,6 +135,10 @@ fn matrices_out_of_range_are_refused() {
         TextureMatrixOptions { scale: Scale::Two([0.0, 1.0]), ..default },
         TextureMatrixOptions { rotation: f32::NAN, ..default },
         TextureMatrixOptions { scale_per_second: -1.0, ..default },
+        TextureMatrixOptions {
+            matrix: Some(Projective(Mat3::from_diagonal(Vec3::new(1.0, 1.0, 0.0)))),
+            ..default
+        },
     ] {
         assert!(refused(options).to_string().contains("must be finite"), "{options:?}");
     }
@@ -172,6 +176,23 @@ fn looked_up_images_keep_their_filters() {
     let exact = checker.sample_area(uv[0].uv, uv[0].steps, [Wrap::Repeat; 2]);
     assert_close(smooth.evaluate(&area).to_array(), exact, 0.0, "area");
     assert_close(squares.evaluate(&area).to_array(), [0.0, 0.0, 0.0, 1.0], 1e-6, "area of squares");
+    // The spline of Catmull and Rom through 1, -1, 1, ... is 1 - 6 t^2 + 4 t^3 from a 1 on: here its mean over 0.8 and 0.4 texels.
+    let texel = Vec2::new(0.46, 1.625);
+    let edges = [Vec2::X * 0.1, Vec2::Y * 0.05];
+    let wide = [UvPoint { uv: (texel + 0.5) / 8.0, steps: edges }];
+    let wide = ShadingPoint { uv: &wide, ..area };
+    let mean = |t: f32, width: f32| {
+        let integral = |t: f32| t - 2.0 * t.powi(3) + t.powi(4);
+        (integral(t + 0.5 * width) - integral(t - 0.5 * width)) / width
+    };
+    let cubic = 0.5 + 0.5 * mean(0.46, 0.8) * mean(0.625, 0.4);
+    for filter in [Filter::Bicubic, Filter::BicubicMipmaps] {
+        let lookup = ImageLookup { options: SampleOptions { filter, ..smooth.options }, ..smooth.clone() };
+        assert_close(lookup.evaluate(&wide).to_array(), [cubic, 0.0, 0.0, 1.0], 1e-5, "area of a cubic");
+        let mut values = [Vec4::NAN; 5];
+        lookup.evaluate_all(&[wide; 5], &mut values);
+        assert_eq!(values, [lookup.evaluate(&wide); 5]);
+    }
     // Without texture coordinates the corner is looked up.
     let none = ShadingPoint { uv: &[], ..at };
     assert!(smooth.evaluate(&none).is_finite());

@@ -641,6 +641,9 @@ fn light_is_averaged_and_transparent_texels_do_not_bleed() {
         samples: Samples::U8(vec![0, 255]),
     };
     assert_eq!(grey.resized(1, 1, AlphaUse::Coverage).samples, Samples::U8(vec![188]));
+    // As floats, not rounded to bytes before.
+    let light = grey.resized_as([1, 1], AlphaUse::Coverage, Depth::F32, ColorSpace::Linear);
+    assert_eq!(light.samples, Samples::F32(vec![0.5]));
     let edge = Image { channels: 4, samples: Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ..grey };
     assert_eq!(edge.resized(1, 1, AlphaUse::Coverage).samples, Samples::U8(vec![255, 0, 0, 128]));
     assert_eq!(edge.resized(1, 1, AlphaUse::Independent).samples, Samples::U8(vec![188, 188, 0, 128]));

@@ -255,12 +255,12 @@ fn what_is_no_polygon_is_refused() {
         SurfaceDetail::new(&[polygon(square.clone(), 0, 9), bad]).unwrap_err().to_string()
     };
     let line = vec![Vec2::ZERO, Vec2::X];
-    assert!(refused(vec![line]).starts_with("outline 0 of detail polygon 1 has 2 corners"));
+    assert!(refused(vec![line]).starts_with("outline 1 of detail polygon 2 has 2 corners"));
     let mut broken = square.clone();
     broken[2].y = f32::NAN;
-    assert!(refused(vec![square.clone(), broken]).starts_with("corner 2 of outline 1 of detail polygon 1"));
+    assert!(refused(vec![square.clone(), broken]).starts_with("corner 3 of outline 2 of detail polygon 2"));
     let bow = vec![Vec2::ZERO, Vec2::ONE, Vec2::X, Vec2::Y];
-    assert!(refused(vec![bow]).starts_with("the outlines of detail polygon 1 cross"));
+    assert!(refused(vec![bow]).starts_with("the outlines of detail polygon 2 cross"));
     assert_eq!(SurfaceDetail::new(&[]).unwrap().coverage(Vec2::ZERO, PIXEL).base, 1.0);
     let flat = polygon(vec![Vec2::ZERO, Vec2::X, Vec2::X * 2.0], 0, 0);
     assert_eq!(SurfaceDetail::new(&[flat]).unwrap().coverage(Vec2::ZERO, PIXEL).base, 1.0);
