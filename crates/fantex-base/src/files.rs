@@ -253,9 +253,19 @@ pub fn remove_leftovers(folder: &Path) {
         let is_old = found.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE_AFTER));
         if found.is_dir() {
             remove_left_folder(&path, is_old);
-        } else if found.is_file() && is_old && File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
-            std::fs::remove_file(path).unwrap_or_default();
+        } else if found.is_file() && is_old {
+            remove_unlocked(&path);
         }
+    }
+}
+
+/// Removes a file that nobody has locked. It stays locked until it is gone: who locked it in between would hold the lock of a file without a name, and
+/// the next one that of a new file.
+fn remove_unlocked(path: &Path) {
+    if let Ok(file) = File::open(path)
+        && file.try_lock().is_ok()
+    {
+        std::fs::remove_file(path).unwrap_or_default();
     }
 }
 
@@ -264,10 +274,7 @@ fn remove_left_folder(path: &Path, is_old: bool) {
     match File::open(path.join(FOLDER_LOCK)) {
         Ok(lock) if lock.try_lock().is_ok() => std::fs::remove_dir_all(path).unwrap_or_default(),
         Err(error) if error.kind() == io::ErrorKind::NotFound && is_old => {
-            let unnamed = path.join(UNNAMED_LOCK);
-            if File::open(&unnamed).is_ok_and(|lock| lock.try_lock().is_ok()) {
-                std::fs::remove_file(unnamed).unwrap_or_default();
-            }
+            remove_unlocked(&path.join(UNNAMED_LOCK));
             // Not one that has something else in it: others may give their folders such names.
             std::fs::remove_dir(path).unwrap_or_default();
         }
