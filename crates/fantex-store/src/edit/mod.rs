@@ -28,7 +28,7 @@ mod space;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::{File, OpenOptions};
-use std::ops::Range;
+use std::ops::{Bound, Range};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -364,8 +364,16 @@ impl AssetEditor {
 
     /// Names of all attachments with all changes, ascending.
     pub fn attachment_names(&self) -> Vec<String> {
-        let mut names: BTreeSet<&String> = self.flushed.attachments.keys().collect();
-        for (name, change) in &self.pending.attachments {
+        self.attachment_names_with("")
+    }
+
+    /// The same of those whose names begin with `start`, however many others there are.
+    pub fn attachment_names_with(&self, start: &str) -> Vec<String> {
+        let from = (Bound::Included(start), Bound::Unbounded);
+        let flushed = self.flushed.attachments.range::<str, _>(from).map(|(name, _)| name);
+        let mut names: BTreeSet<&String> = flushed.take_while(|name| name.starts_with(start)).collect();
+        let pending = self.pending.attachments.range::<str, _>(from);
+        for (name, change) in pending.take_while(|(name, _)| name.starts_with(start)) {
             if change.is_some() {
                 names.insert(name)
             } else {

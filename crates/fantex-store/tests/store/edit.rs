@@ -416,7 +416,10 @@ fn bytes_of_attachments_are_counted() {
     assert_eq!(editor.pending_bytes(), 0);
     editor.detach("a");
     assert_eq!(editor.pending_bytes(), 0);
+    let names = |editor: &AssetEditor| ["", "a", "ab", "b"].map(|start| editor.attachment_names_with(start));
+    assert_eq!(names(&editor), [vec!["b", "c"], vec![], vec![], vec!["b"]]);
     editor.attach("a", vec![5; 9]).unwrap();
+    assert_eq!(names(&editor), [vec!["a", "b", "c"], vec!["a"], vec![], vec!["b"]]);
     assert_eq!(editor.pending_bytes(), 9);
     editor.discard().unwrap();
     assert_eq!(editor.pending_bytes(), 0);
