@@ -213,13 +213,22 @@ pub fn forget(path: &Path) {
     temporaries().files.remove(path);
 }
 
-/// Removes all temporary files, folders and locks of this process, which is about to end without unwinding.
+/// Removes all temporary files, folders and locks of this process, which is about to end without unwinding: at once, as other threads may still
+/// write to what these locks keep from others.
 pub fn remove_temporaries() {
     let files = std::mem::take(&mut temporaries().files);
-    for path in files.into_keys() {
+    for (path, file) in locks_last(files) {
+        drop(file);
         let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         removed.unwrap_or_default();
     }
+}
+
+/// Removing all else may take a while.
+fn locks_last(files: BTreeMap<PathBuf, File>) -> Vec<(PathBuf, File)> {
+    let mut files: Vec<_> = files.into_iter().collect();
+    files.sort_by_key(|(path, _)| path.extension().is_some_and(|extension| extension == "lock"));
+    files
 }
 
 /// Folders that were looked through for what killed processes have left, and when: the last ones.
@@ -416,6 +425,14 @@ mod tests {
         }
         (0..known.files.len()).for_each(|_| known.forget_gone());
         assert!(known.files.len() == 100 && known.files.keys().all(|path| path.exists()));
+    }
+
+    #[test]
+    fn locks_are_removed_last() {
+        let file = || tempfile::tempfile().unwrap();
+        let files = ["a.fan.lock", "b.tmp", "c.lock", "d"].map(|name| (PathBuf::from(name), file()));
+        let names: Vec<_> = locks_last(files.into()).into_iter().map(|(path, _)| path).collect();
+        assert_eq!(names, ["b.tmp", "d", "a.fan.lock", "c.lock"].map(PathBuf::from));
     }
 
     #[test]
