@@ -213,13 +213,22 @@ pub fn forget(path: &Path) {
     temporaries().files.remove(path);
 }
 
-/// Removes all temporary files, folders and locks of this process, which is about to end without unwinding.
+/// Removes all temporary files, folders and locks of this process, which is about to end without unwinding: at once, as other threads may still
+/// write to what these locks keep from others.
 pub fn remove_temporaries() {
     let files = std::mem::take(&mut temporaries().files);
-    for path in files.into_keys() {
+    for (path, file) in locks_last(files) {
+        drop(file);
         let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
         removed.unwrap_or_default();
     }
+}
+
+/// Removing all else may take a while.
+fn locks_last(files: BTreeMap<PathBuf, File>) -> Vec<(PathBuf, File)> {
+    let mut files: Vec<_> = files.into_iter().collect();
+    files.sort_by_key(|(path, _)| path.extension().is_some_and(|extension| extension == "lock"));
+    files
 }
 
 /// Folders that were looked through for what killed processes have left, and when: the last ones.
@@ -253,9 +262,19 @@ pub fn remove_leftovers(folder: &Path) {
         let is_old = found.modified().is_ok_and(|at| at.elapsed().is_ok_and(|age| age > STALE_AFTER));
         if found.is_dir() {
             remove_left_folder(&path, is_old);
-        } else if found.is_file() && is_old && File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
-            std::fs::remove_file(path).unwrap_or_default();
+        } else if found.is_file() && is_old {
+            remove_unlocked(&path);
         }
+    }
+}
+
+/// Removes a file that nobody has locked. It stays locked until it is gone: who locked it in between would hold the lock of a file without a name, and
+/// the next one that of a new file.
+fn remove_unlocked(path: &Path) {
+    if let Ok(file) = File::open(path)
+        && file.try_lock().is_ok()
+    {
+        std::fs::remove_file(path).unwrap_or_default();
     }
 }
 
@@ -264,10 +283,7 @@ fn remove_left_folder(path: &Path, is_old: bool) {
     match File::open(path.join(FOLDER_LOCK)) {
         Ok(lock) if lock.try_lock().is_ok() => std::fs::remove_dir_all(path).unwrap_or_default(),
         Err(error) if error.kind() == io::ErrorKind::NotFound && is_old => {
-            let unnamed = path.join(UNNAMED_LOCK);
-            if File::open(&unnamed).is_ok_and(|lock| lock.try_lock().is_ok()) {
-                std::fs::remove_file(unnamed).unwrap_or_default();
-            }
+            remove_unlocked(&path.join(UNNAMED_LOCK));
             // Not one that has something else in it: others may give their folders such names.
             std::fs::remove_dir(path).unwrap_or_default();
         }
@@ -409,6 +425,14 @@ mod tests {
         }
         (0..known.files.len()).for_each(|_| known.forget_gone());
         assert!(known.files.len() == 100 && known.files.keys().all(|path| path.exists()));
+    }
+
+    #[test]
+    fn locks_are_removed_last() {
+        let file = || tempfile::tempfile().unwrap();
+        let files = ["a.fan.lock", "b.tmp", "c.lock", "d"].map(|name| (PathBuf::from(name), file()));
+        let names: Vec<_> = locks_last(files.into()).into_iter().map(|(path, _)| path).collect();
+        assert_eq!(names, ["b.tmp", "d", "a.fan.lock", "c.lock"].map(PathBuf::from));
     }
 
     #[test]

@@ -372,9 +372,12 @@ impl Interrupt {
         self.requested.notify_all();
         // The lock stays taken: no operation can begin to write now.
         if state.deferrals == 0 {
+            // Nothing is said after this: who fails because its files go waits here.
+            let _last_word = io::stderr().lock();
+            // Before locks go: this waits where nobody reads standard error, and threads that write to an asset go on for as long.
+            say(format_args!("\nfantex: {}", state.last_line()));
             remove_temporaries();
             state.remove_empty_folders();
-            say(format_args!("\nfantex: {}", state.last_line()));
             std::process::exit(i32::from(EXIT_INTERRUPTED));
         }
     }

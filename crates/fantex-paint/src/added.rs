@@ -52,10 +52,8 @@ impl Painter {
     pub(crate) fn finish_adding(&mut self) -> Result<()> {
         let Some(list) = self.editor.attachment(ADDING)? else { return Ok(()) };
         let budget = self.options.budget();
-        for name in self.editor.attachment_names() {
-            if name.starts_with(&prefix(Target::Base))
-                && let Some(contents) = self.editor.attachment(&name)?
-            {
+        for name in self.editor.attachment_names_with(&prefix(Target::Base)) {
+            if let Some(contents) = self.editor.attachment(&name)? {
                 let length = contents.len();
                 let contents = with_added_channels(&self.editor, &name, contents)?;
                 if contents.len() > length {

@@ -147,10 +147,10 @@ impl Painter {
     pub(crate) fn move_painted(&mut self, before: &Layers, step: LayerMove) -> Result<()> {
         match step {
             LayerMove::Copy([from, to]) => {
-                let parts = [Target::Layer, Target::Mask].map(|part| (prefix(part(from)), prefix(part(to))));
-                for name in self.editor.attachment_names() {
-                    for (from, to) in &parts {
-                        if let Some(page) = name.strip_prefix(from.as_str())
+                for part in [Target::Mask, Target::Layer] {
+                    let [from, to] = [from, to].map(|id| prefix(part(id)));
+                    for name in self.editor.attachment_names_with(&from) {
+                        if let Some(page) = name.strip_prefix(&from)
                             && let Some(contents) = self.editor.attachment(&name)?
                         {
                             self.attach(&format!("{to}{page}"), contents)?;
@@ -224,11 +224,8 @@ impl Painter {
         };
         let gone: Vec<u64> = before.stack.iter().filter(is_gone).map(Layer::id).collect();
         for prefix in gone.into_iter().map(|id| prefix(Target::Mask(id))) {
-            for name in self.editor.attachment_names() {
-                if name.starts_with(&prefix) {
-                    self.detach(&name)?;
-                }
-            }
+            let names = self.editor.attachment_names_with(&prefix);
+            names.iter().try_for_each(|name| self.detach(name))?;
         }
         Ok(())
     }

@@ -261,6 +261,9 @@ fn change_folders(stack: &mut [Layer], change: impl Fn(&Path) -> PathBuf) {
     }
 }
 
+/// What the names of all attachments of layers begin with.
+const LAYERS: &str = "layers/";
+
 /// What the names of the attachments that hold something begin with.
 pub(crate) fn prefix(target: Target) -> String {
     match target {
@@ -277,7 +280,7 @@ pub(crate) fn page_name(target: Target, id: PageId) -> String {
 
 /// The layer of which an attachment holds something that was painted, on it or its mask.
 fn layer_of_name(name: &str) -> Option<u64> {
-    name.strip_prefix("layers/")?.split_once('/')?.0.parse().ok()
+    name.strip_prefix(LAYERS)?.split_once('/')?.0.parse().ok()
 }
 
 /// The page of any level whose base an attachment keeps, by its name after the prefix.
@@ -520,14 +523,15 @@ impl Painter {
             return Ok(());
         }
         let is_left = |name: &String| layer_of_name(name).is_some_and(|id| new.contains(&id));
-        let left: Vec<String> = self.editor.attachment_names().into_iter().filter(is_left).collect();
+        let names = self.editor.attachment_names_with(LAYERS);
+        let left: Vec<String> = names.into_iter().filter(is_left).collect();
         left.iter().try_for_each(|name| self.detach(name))
     }
 
     /// Drops what was painted on deleted layers, which no step of the history brings back.
     pub(crate) fn drop_deleted(&mut self) {
         let known: BTreeSet<u64> = self.layers.stack.iter().map(Layer::id).collect();
-        for name in self.editor.attachment_names() {
+        for name in self.editor.attachment_names_with(LAYERS) {
             if layer_of_name(&name).is_some_and(|id| !known.contains(&id)) {
                 self.editor.detach(&name);
             }
@@ -575,9 +579,9 @@ impl Painter {
 
     /// Pages of which something is kept for one of the targets, ascending.
     pub(crate) fn pages_of_targets(&self, targets: impl Iterator<Item = Target>) -> Vec<PageId> {
-        let names = self.editor.attachment_names();
         let mut pages = BTreeSet::new();
         for prefix in targets.map(prefix) {
+            let names = self.editor.attachment_names_with(&prefix);
             let suffixes = names.iter().filter_map(|name| name.strip_prefix(&prefix));
             pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
         }

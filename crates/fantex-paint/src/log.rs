@@ -57,7 +57,7 @@ pub(crate) fn file_name(name: &str) -> String {
 /// # Errors
 /// There are strokes with numbers that none has.
 pub(crate) fn next_number(editor: &AssetEditor) -> Result<u64> {
-    let names = editor.attachment_names();
+    let names = editor.attachment_names_with(PREFIX);
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
     match numbers.max() {
         None => Ok(0),
@@ -74,9 +74,9 @@ pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, Fill
         serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
     find_looks(&mut stroke, editor.asset().path()).ok()?;
     let folder = scratch_folder().ok()?;
-    for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
-        let contents = editor.attachment(name).ok()??;
-        save_file(folder.path(), kept_file(name)?, &contents).ok()?;
+    for name in editor.attachment_names_with(FILES) {
+        let contents = editor.attachment(&name).ok()??;
+        save_file(folder.path(), kept_file(&name)?, &contents).ok()?;
     }
     prepare_fill(painter, &stroke, folder.path()).ok()?
 }

@@ -28,6 +28,12 @@ impl FileSource {
     /// names.
     pub fn from_file(path: &Path, file: Arc<File>) -> Self {
         keep_generation(&file);
+        Self::unmarked(path, file)
+    }
+
+    /// As [`from_file`](Self::from_file), but nobody sees that it is read: for who keeps an [`Asset`](crate::Asset) open beside it. With a mark of its own no
+    /// writer, not even the one that knows all assets of its process, would find the file unread.
+    pub fn unmarked(path: &Path, file: Arc<File>) -> Self {
         Self { path: path.to_owned(), file }
     }
 }
@@ -66,7 +72,7 @@ impl PathSource {
     }
 
     fn opened(&self) -> io::Result<FileSource> {
-        Ok(FileSource { path: self.0.clone(), file: Arc::new(fantex_base::input::open(&self.0)?) })
+        Ok(FileSource::unmarked(&self.0, Arc::new(fantex_base::input::open(&self.0)?)))
     }
 }
 

@@ -106,6 +106,13 @@ impl Slot {
         HEADER_BYTES..self.file_length
     }
 
+    /// Whether all sections, and the list of attachments where there is one, lie in the file.
+    pub(crate) fn names_the_file_only(&self) -> bool {
+        let list = Some(&self.attachments).filter(|list| **list != SectionRecord::default());
+        let Range { start, end } = self.places();
+        self.sections.iter().chain(list).all(|record| start <= record.offset && record.range().end <= end)
+    }
+
     /// None where signature or checksum are wrong.
     pub(crate) fn decode(bytes: &[u8; SLOT_BYTES]) -> Option<Self> {
         let u64_at = |at: usize| {

@@ -12,6 +12,11 @@ pub trait ByteSource: std::fmt::Debug + Send + Sync {
     /// Number of bytes there are. (A remote source knows it without asking once it has read anything.)
     fn length(&self) -> io::Result<u64>;
 
+    /// What tells the version that is read from others: a tag or a date, where a server tells one and has been asked for something.
+    fn version(&self) -> Option<&str> {
+        None
+    }
+
     /// Reads the bytes from `offset` on and returns how many there were: fewer than asked for only at the end.
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize>;
 

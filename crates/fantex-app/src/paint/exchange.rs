@@ -159,7 +159,9 @@ impl Exchange {
 
     /// The painter's: some parcels that are wanted, the most urgent first.
     pub fn wanted(&self, most: usize) -> Vec<Parcel> {
-        let mut wanted = by_urgency(self.lock().wanted.iter().map(|(&parcel, &urgency)| (parcel, urgency)));
+        // Frames wait for the lock: it is not held while thousands are sorted.
+        let all: Vec<(Parcel, f32)> = self.lock().wanted.iter().map(|(&p, &urgency)| (p, urgency)).collect();
+        let mut wanted = by_urgency(all.into_iter());
         wanted.truncate(most);
         wanted
     }
@@ -252,9 +254,8 @@ impl PaintLoader {
         state.asset = Some(newer.asset);
         drop(state);
         let older = std::mem::replace(&mut self.file, newer.loader);
-        for (&parcel, &urgency) in &self.asked {
-            self.file.request(parcel, urgency);
-        }
+        let asked: Vec<(Parcel, f32)> = self.asked.iter().map(|(&p, &urgency)| (p, urgency)).collect();
+        self.file.request_all(&asked);
         // Its threads may be reading: the painter waits for them.
         self.exchange.orders.send(Order::Release(older)).ok();
     }
@@ -262,29 +263,44 @@ impl PaintLoader {
 
 impl ParcelLoader for PaintLoader {
     fn request(&mut self, parcel: Parcel, urgency: f32) {
+        self.request_all(&[(parcel, urgency)]);
+    }
+
+    fn request_all(&mut self, parcels: &[(Parcel, f32)]) {
+        let (mut of_file, mut is_wanted) = (Vec::new(), false);
         let mut state = self.exchange.lock();
-        if !state.edited.contains(&parcel) {
-            drop(state);
-            self.asked.insert(parcel, urgency);
-            return self.file.request(parcel, urgency);
+        for &(parcel, urgency) in parcels {
+            if !state.edited.contains(&parcel) {
+                of_file.push((parcel, urgency));
+            } else if let Some((known, _)) = state.ready.get_mut(&parcel) {
+                *known = urgency;
+            } else {
+                state.wanted.insert(parcel, urgency);
+                is_wanted = true;
+            }
         }
-        if let Some((known, _)) = state.ready.get_mut(&parcel) {
-            *known = urgency;
-            return;
-        }
-        state.wanted.insert(parcel, urgency);
         drop(state);
-        self.exchange.ask_again();
+        self.asked.extend(of_file.iter().copied());
+        self.file.request_all(&of_file);
+        if is_wanted {
+            self.exchange.ask_again();
+        }
     }
 
     fn cancel(&mut self, parcel: Parcel) {
+        self.cancel_all(&[parcel]);
+    }
+
+    fn cancel_all(&mut self, parcels: &[Parcel]) {
         let mut state = self.exchange.lock();
-        state.wanted.remove(&parcel);
-        state.ready.remove(&parcel);
-        drop(state);
-        if self.asked.remove(&parcel).is_some() {
-            self.file.cancel(parcel);
+        for parcel in parcels {
+            state.wanted.remove(parcel);
+            state.ready.remove(parcel);
         }
+        drop(state);
+        let is_asked = |parcel: &Parcel| self.asked.remove(parcel).is_some();
+        let of_file: Vec<Parcel> = parcels.iter().copied().filter(is_asked).collect();
+        self.file.cancel_all(&of_file);
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {

@@ -145,6 +145,21 @@ fn what_is_on_its_way_comes_from_the_newer_file() {
     assert_eq!(loader.poll(1000)[0].parcel, own(1));
 }
 
+/// The painter is woken once for all that is wanted of it, and the file is asked for the rest.
+#[test]
+fn many_parcels_are_asked_for_at_once() {
+    let (mut loader, exchange, orders) = loader();
+    let pages: Vec<PageId> = (0..1000).map(id).collect();
+    exchange.outdate(&pages);
+    let all: Vec<(Parcel, f32)> = (0..2000).map(|group| (own(group), group as f32)).collect();
+    loader.request_all(&all);
+    assert!(matches!(orders.try_recv(), Ok(Order::Pages)) && orders.try_recv().is_err());
+    assert_eq!(exchange.wanted(2), [own(999), own(998)]);
+    assert_eq!(loader.pending(), 2000);
+    loader.cancel_all(&all.iter().map(|(parcel, _)| *parcel).skip(1).collect::<Vec<_>>());
+    assert_eq!((loader.pending(), exchange.wanted(9)), (1, vec![own(0)]));
+}
+
 /// A mask that is seen alone is in no file.
 #[test]
 fn what_differs_from_the_newer_file_comes_from_the_painter() {

@@ -68,6 +68,8 @@ fn all_ways_read_the_same() {
                 assert_eq!(reader.info().depth, depth);
                 assert!(ring || reader.info().kind == ReaderKind::Threads);
                 check_reader(&mut *reader, &bytes);
+                // Whoever paints on what is streamed finds it unread, and uses superseded room again.
+                std::fs::File::open(&path).unwrap().try_lock().unwrap();
             }
         }
     }
@@ -318,6 +320,14 @@ fn a_file_that_changes_on_the_server_is_opened_anew() {
     let again = HttpSource::new(&server.url(), 1);
     again.read_exact_at(&mut bytes, 128).unwrap();
     assert_eq!(again.length().unwrap(), baked.asset.file_bytes());
+    // Two requests open the asset, and its texels are of another version.
+    let server = Server::start(std::fs::read(&baked.path).unwrap(), Manner::Changes);
+    let asset = Arc::new(open_asset(Path::new(&server.url())).unwrap());
+    let mut loader = ClusterLoader::open(asset, &quick()).unwrap();
+    for texels in load(&mut loader, &all_parcels(&baked.asset)[..5]).into_values() {
+        let error = texels.unwrap_err();
+        assert!(error.to_string().contains("has changed since it was opened"), "{error}");
+    }
 }
 
 #[test]

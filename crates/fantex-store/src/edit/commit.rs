@@ -10,7 +10,7 @@ use fantex_base::{Error, Result};
 use rayon::prelude::*;
 
 use super::lock::{is_same_file, is_unread};
-use super::{AssetEditor, EditOptions, Flushed};
+use super::{AssetEditor, EditOptions, Flushed, used_ranges};
 use crate::directory::{self, ClusterEntry, Directory};
 use crate::file_source::write_all_at;
 use crate::header::{SLOT_OFFSETS, SectionRecord, Slot};
@@ -357,11 +357,8 @@ impl AssetEditor {
 impl Asset {
     /// Bytes of the file that texels, sections and attachments of this generation take.
     pub fn used_bytes(&self) -> u64 {
-        let slot = self.slot();
-        let sections = slot.sections.iter().chain([&slot.attachments]).map(|section| section.stored_length);
-        let clusters = self.directory().levels.iter().flatten().map(|c| u64::from(c.stored_length));
-        let attachments = self.attachments().map_or(0, |a| a.values().map(|r| r.stored_length).sum());
-        sections.sum::<u64>() + clusters.sum::<u64>() + attachments
+        let used = used_ranges(self.slot(), self.directory(), self.attachments().ok());
+        used.map(|range| range.end - range.start).sum()
     }
 }
 
@@ -458,8 +455,7 @@ impl DurableOutput {
 
     /// Writes a range that a commit will name. What it overlaps was given up.
     fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
-        let end = offset + bytes.len() as u64;
-        self.keep(|start, copy| end <= start || start + copy.len() as u64 <= offset);
+        self.forget(offset..offset + bytes.len() as u64);
         self.output.write_at(offset, bytes)?;
         self.unsynced.insert(offset, bytes.to_vec());
         self.bytes += bytes.len();
@@ -472,7 +468,7 @@ impl DurableOutput {
     }
 
     pub(super) fn set_len(&mut self, length: u64) -> io::Result<()> {
-        self.keep(|start, copy| start + copy.len() as u64 <= length);
+        self.forget(length..u64::MAX);
         self.output.set_len(length)
     }
 
@@ -484,7 +480,8 @@ impl DurableOutput {
             self.is_dropped = true;
             self.write_again().unwrap_or_default();
         })?;
-        self.keep(|_, _| false);
+        self.unsynced.clear();
+        self.bytes = 0;
         Ok(())
     }
 
@@ -494,9 +491,15 @@ impl DurableOutput {
         Ok(())
     }
 
-    fn keep(&mut self, wanted: impl Fn(u64, &[u8]) -> bool) {
-        self.unsynced.retain(|&start, copy| wanted(start, copy));
-        self.bytes = self.unsynced.values().map(Vec::len).sum();
+    /// Drops copies that reach into a range. They do not overlap each other, so only the last ones that start before its end may do so: there may be
+    /// thousands, and each write asks for this.
+    fn forget(&mut self, range: Range<u64>) {
+        while let Some((&start, copy)) = self.unsynced.range(..range.end).next_back()
+            && start + copy.len() as u64 > range.start
+        {
+            self.bytes -= copy.len();
+            self.unsynced.remove(&start);
+        }
     }
 }
 

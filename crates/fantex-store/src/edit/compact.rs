@@ -41,9 +41,7 @@ pub struct CompactSummary {
 impl Asset {
     /// The share of the file that this generation leaves unused: what commits have left behind, and room that a bake has kept.
     pub fn gap_share(&self) -> f64 {
-        let no_attachments = Attachments::new();
-        let attachments = self.attachments().unwrap_or(&no_attachments);
-        let used = used_ranges(self.slot(), self.directory(), attachments);
+        let used = used_ranges(self.slot(), self.directory(), self.attachments().ok());
         let bytes = HEADER_BYTES + used.map(|range| padded(&range)).map(|r| r.end - r.start).sum::<u64>();
         1.0 - bytes as f64 / self.file_bytes().max(bytes) as f64
     }

@@ -28,7 +28,7 @@ mod space;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::{File, OpenOptions};
-use std::ops::Range;
+use std::ops::{Bound, Range};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -154,7 +154,7 @@ struct HeaderState {
     oldest: u64,
     /// The newest one that was ever written, whether or not that succeeded.
     newest: u64,
-    /// False for a file whose parts overlap: nothing in it is overwritten.
+    /// False for a file in which parts of the two generations overlap: nothing in it is overwritten.
     may_reuse: bool,
 }
 
@@ -364,8 +364,16 @@ impl AssetEditor {
 
     /// Names of all attachments with all changes, ascending.
     pub fn attachment_names(&self) -> Vec<String> {
-        let mut names: BTreeSet<&String> = self.flushed.attachments.keys().collect();
-        for (name, change) in &self.pending.attachments {
+        self.attachment_names_with("")
+    }
+
+    /// The same of those whose names begin with `start`, however many others there are.
+    pub fn attachment_names_with(&self, start: &str) -> Vec<String> {
+        let from = (Bound::Included(start), Bound::Unbounded);
+        let flushed = self.flushed.attachments.range::<str, _>(from).map(|(name, _)| name);
+        let mut names: BTreeSet<&String> = flushed.take_while(|name| name.starts_with(start)).collect();
+        let pending = self.pending.attachments.range::<str, _>(from);
+        for (name, change) in pending.take_while(|(name, _)| name.starts_with(start)) {
             if change.is_some() {
                 names.insert(name)
             } else {
@@ -418,13 +426,16 @@ fn are_apart(fixed: &[Range<u64>], changing: &[Range<u64>]) -> bool {
     parts.windows(2).all(|pair| pair[0].end <= pair[1].start)
 }
 
-/// All bytes that a generation names: the fixed sections first.
+/// All bytes that a generation names: the fixed sections first. Without `attachments`, whose list is damaged then, not that list either: it may
+/// claim to lie anywhere.
 fn used_ranges(
     slot: &Slot,
     directory: &Directory,
-    attachments: &Attachments,
+    attachments: Option<&Attachments>,
 ) -> impl Iterator<Item = Range<u64>> {
-    let sections = slot.sections.iter().chain([&slot.attachments]).chain(attachments.values());
+    let list = attachments.map(|_| &slot.attachments);
+    let attached = attachments.into_iter().flat_map(Attachments::values);
+    let sections = slot.sections.iter().chain(list).chain(attached);
     let ranges: Vec<_> = sections.map(SectionRecord::range).collect();
     let clusters: Vec<_> = directory.levels.iter().flatten().map(ClusterEntry::range).collect();
     ranges.into_iter().chain(clusters)
@@ -433,21 +444,22 @@ fn used_ranges(
 /// Finds out what is free in a file. What cannot be read of the other generation is not worth keeping.
 fn space_and_header(asset: &Asset) -> (Space, HeaderState) {
     let slot = *asset.slot();
-    let no_attachments = Attachments::new();
-    let attachments = asset.attachments().unwrap_or(&no_attachments);
-    let current: Vec<Range<u64>> = used_ranges(&slot, asset.directory(), attachments).collect();
+    let current: Vec<Range<u64>> = used_ranges(&slot, asset.directory(), asset.attachments().ok()).collect();
     let fixed: Vec<Range<u64>> = slot.sections[..3].iter().map(SectionRecord::range).collect();
-    let may_reuse = are_apart(&fixed, &current[3..]);
     let (target, other_slot) = read_other_slot(&**asset.source(), &slot);
     // A file never gets shorter, so a slot that says so is wrong, and what it names beyond the end is no place to write to.
-    let other_slot = other_slot.filter(|other| other.file_length <= slot.file_length);
-    let other: Vec<Range<u64>> = other_slot.as_ref().and_then(|o| ranges_of(asset, o)).unwrap_or_default();
+    let is_possible = |other: &Slot| other.file_length <= slot.file_length && other.names_the_file_only();
+    let other_slot = other_slot.filter(is_possible);
+    let mut older: Vec<Range<u64>> =
+        other_slot.as_ref().and_then(|o| ranges_of(asset, o)).unwrap_or_default();
+    let known: BTreeSet<[u64; 2]> = current.iter().map(|range| [range.start, range.end]).collect();
+    older.retain(|range| !known.contains(&[range.start, range.end]));
+    // What only the other generation names becomes free after the next commit: nothing of this one may lie in it.
+    let changing: Vec<Range<u64>> = current[3..].iter().chain(&older).cloned().collect();
+    let may_reuse = are_apart(&fixed, &changing);
     let oldest = other_slot.map_or(slot.generation, |other| other.generation.min(slot.generation));
-    let mut space = Space::new(slot.file_length, &fixed, current.iter().chain(&other).cloned(), oldest);
-    let starts: BTreeSet<u64> = current.iter().map(|range| range.start).collect();
-    for range in other.into_iter().filter(|range| !starts.contains(&range.start)) {
-        space.retire(range, slot.generation);
-    }
+    let mut space = Space::new(slot.file_length, &fixed, current.iter().chain(&older).cloned(), oldest);
+    older.into_iter().for_each(|range| space.retire(range, slot.generation));
     let newest = slot.generation;
     (space, HeaderState { target, oldest, newest, may_reuse })
 }
@@ -459,7 +471,7 @@ fn ranges_of(asset: &Asset, slot: &Slot) -> Option<Vec<Range<u64>>> {
     let (cover, formats) = (asset.cover(), asset.formats());
     let expected = directory::Expected { cover, formats, places: slot.places() };
     let directory = directory::decode(&raw, &expected).ok()?;
-    Some(used_ranges(slot, &directory, &read_attachments(source, slot).ok()?).collect())
+    Some(used_ranges(slot, &directory, Some(&read_attachments(source, slot).ok()?)).collect())
 }
 
 /// Clusters that were unpacked last, by offset and checksum: neighbouring pages are mostly read together.

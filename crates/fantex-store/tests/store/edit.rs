@@ -416,7 +416,10 @@ fn bytes_of_attachments_are_counted() {
     assert_eq!(editor.pending_bytes(), 0);
     editor.detach("a");
     assert_eq!(editor.pending_bytes(), 0);
+    let names = |editor: &AssetEditor| ["", "a", "ab", "b"].map(|start| editor.attachment_names_with(start));
+    assert_eq!(names(&editor), [vec!["b", "c"], vec![], vec![], vec!["b"]]);
     editor.attach("a", vec![5; 9]).unwrap();
+    assert_eq!(names(&editor), [vec!["a", "b", "c"], vec!["a"], vec![], vec!["b"]]);
     assert_eq!(editor.pending_bytes(), 9);
     editor.discard().unwrap();
     assert_eq!(editor.pending_bytes(), 0);
@@ -571,26 +574,41 @@ fn an_asset_of_the_last_generation_is_read_and_not_changed() {
     assert!(error.to_string().contains("small.fan has the last number of a generation"), "{error}");
 }
 
-/// What it names beyond the file's end is no room to write to: the next commit would cut it off.
+/// What it names beyond the file's end is no room to write to: the next commit would cut it off. Nor is what the newer one names, too.
 #[test]
-fn an_older_slot_that_claims_a_longer_file_is_not_believed() {
+fn an_older_slot_that_claims_what_it_cannot_have_is_not_believed() {
     let folder = tempfile::tempdir().unwrap();
     let path = small_asset(folder.path());
-    let mut bytes = std::fs::read(&path).unwrap();
-    // Generation, length of the file, place of the mesh.
-    for (at, value) in [(16, 0), (24, 1 << 41), (96, 1 << 40)] {
-        set_word(&mut bytes, 4096 + at, value);
+    let (whole, asset) = (std::fs::read(&path).unwrap(), Asset::open(&path).unwrap());
+    let cluster = asset.cluster_range(asset.clusters().next().unwrap());
+    drop(asset);
+    let [longer, place, stored] = [24, 96, 104];
+    // Words of the slot: the length of the file, where the mesh lies, and its bytes.
+    let cases: [&[(usize, u64)]; 4] = [
+        &[(longer, 1 << 41), (place, 1 << 40)],
+        &[(place, 1 << 40), (stored, 1 << 20)],
+        &[(place, u64::MAX - 99), (stored, 99)],
+        &[(place, cluster.start + 1), (stored, cluster.end - cluster.start)],
+    ];
+    for claims in cases {
+        let mut bytes = whole.clone();
+        for &(at, value) in claims.iter().chain(&[(16, 0)]) {
+            set_word(&mut bytes, 4096 + at, value);
+        }
+        seal(&mut bytes);
+        std::fs::write(&path, bytes).unwrap();
+        let mut expected = State::open(&path).1;
+        let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+        for number in 0..3_u32 {
+            let name = format!("note {number}");
+            let note: Vec<u8> = (number..30_000).map(|i| (i.wrapping_mul(i) >> 7) as u8).collect();
+            editor.attach(&name, note.clone()).unwrap();
+            editor.commit().unwrap();
+            expected.attachments.insert(name, note);
+        }
+        drop(editor);
+        assert!(State::open(&path) == (4, expected), "{claims:?}");
     }
-    seal(&mut bytes);
-    std::fs::write(&path, bytes).unwrap();
-    let mut expected = State::open(&path).1;
-    let note: Vec<u8> = (0..100_000_u32).map(|i| (i.wrapping_mul(i) >> 7) as u8).collect();
-    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
-    editor.attach("note", note.clone()).unwrap();
-    editor.commit().unwrap();
-    drop(editor);
-    expected.attachments.insert("note".to_owned(), note);
-    assert!(State::open(&path) == (2, expected));
 }
 
 #[test]

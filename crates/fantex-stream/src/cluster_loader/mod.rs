@@ -195,7 +195,7 @@ impl ClusterLoader {
     /// The file cannot be opened, or the system refuses a thread.
     #[cfg(not(target_arch = "wasm32"))]
     pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self> {
-        let reader = crate::read::open_reader(asset.path(), &options.file).map_err(|error| {
+        let reader = crate::read::open_reader(&asset, &options.file).map_err(|error| {
             set_up_error(&asset, &format!("open {} for streaming", asset.path().display()), error)
         })?;
         Self::with_reader(asset, reader, options)

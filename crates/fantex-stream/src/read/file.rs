@@ -58,7 +58,7 @@ pub(crate) fn takes_direct_io(path: &Path) -> bool {
     let Ok(file) = open_file(path, true) else { return false };
     let mut memory = BufferPool::new(0).take(ALIGNMENT);
     let start = memory.start;
-    let source = FileSource::from_file(path, Arc::new(file));
+    let source = FileSource::unmarked(path, Arc::new(file));
     source.read_at(&mut memory.bytes[start..start + ALIGNMENT], 0).is_ok()
 }
 
@@ -92,12 +92,13 @@ impl Span {
 
 // Threads: one per lane.
 
-/// A reader of a file whose lanes are `depth` threads.
+/// A reader of a file whose lanes are `depth` threads. As [`ring_reader`], it does not keep writers from what they may overwrite: that does an
+/// [`Asset`](fantex_store::Asset) that is open.
 ///
 /// # Errors
 /// If the file cannot be opened (for direct I/O, where asked for), or the system refuses a thread.
 pub fn threaded_reader(path: &Path, depth: usize, direct: bool) -> io::Result<LaneReader> {
-    let open = |direct| Ok::<_, io::Error>(FileSource::from_file(path, Arc::new(open_file(path, direct)?)));
+    let open = |direct| Ok::<_, io::Error>(FileSource::unmarked(path, Arc::new(open_file(path, direct)?)));
     let buffered = open(false)?;
     let direct_source = if direct { Some(open(true)?) } else { None };
     let info = ReaderInfo { kind: ReaderKind::Threads, direct, depth };

@@ -105,6 +105,15 @@ impl HttpSource {
         Self { is_patient: true, ..self }
     }
 
+    /// Reads this version and no other. Without one, that of the first answer.
+    #[must_use]
+    pub(crate) fn of_version(self, version: Option<&str>) -> Self {
+        match version {
+            Some(version) => Self { version: OnceLock::from(Some(version.to_owned())), ..self },
+            None => self,
+        }
+    }
+
     /// The URL.
     pub fn url(&self) -> &str {
         &self.url
@@ -295,6 +304,10 @@ impl ByteSource for HttpSource {
         self.length.get().copied().ok_or_else(|| {
             server_error(io::ErrorKind::InvalidData, "the server does not tell how long the file is")
         })
+    }
+
+    fn version(&self) -> Option<&str> {
+        self.version.get()?.as_deref()
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {

@@ -273,13 +273,15 @@ fn too_long(location: &Path, length: u64, most: u64) -> fantex_base::Error {
     fantex_base::Error::too_large(format!("{location} has {length} bytes, at most {most} were expected"))
 }
 
-/// A reader of a file, or of a file on a web server.
+/// A reader of an asset where it was opened: of its file, or of the version of a file on a web server that was opened.
 #[cfg(not(target_arch = "wasm32"))]
-pub(crate) fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
+pub(crate) fn open_reader(asset: &Asset, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
+    let location = asset.path();
     match url_of(location) {
         #[cfg(feature = "http")]
         Some(url) => {
-            let source = Arc::new(HttpSource::new(url, CONNECTIONS));
+            let version = asset.source().version();
+            let source = Arc::new(HttpSource::new(url, CONNECTIONS).of_version(version));
             Ok(Box::new(http_reader(source, CONNECTIONS)?))
         }
         #[cfg(not(feature = "http"))]

@@ -8,12 +8,13 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read as _, Write as _};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_base::files::{persist, temporary_file};
 use fantex_base::input::{ReadLimits, ReadOptions};
 use fantex_base::{Error, ErrorKind, Result, input};
-use fantex_store::{Asset, MAX_GAPS_COPIED, Replacement, WriterLock};
+use fantex_store::{Asset, FileSource, MAX_GAPS_COPIED, Replacement, WriterLock};
 use fantex_stream::{ObjectTarget, Replace, open_source, url_of};
 use tempfile::TempPath;
 
@@ -233,12 +234,14 @@ fn copy_beside(from: &Path, beside: &Path, name: &Path, progress: &dyn Progress)
     let reading = |error| Error::reading(from, error);
     let writing = |error| Error::writing(name, error);
     let mut copy = temporary_file(beside, ".tmp").map_err(writing)?;
-    let original = input::open(from).map_err(reading)?;
+    let original = Arc::new(input::open(from).map_err(reading)?);
+    // The header is copied first: what it names is not overwritten by somebody who paints on the asset as long as this is read.
+    let _marked = FileSource::from_file(from, Arc::clone(&original));
     let length = original.metadata().map_err(reading)?.len();
     let mut done = 0;
     loop {
         copied(progress, from, done, length.max(done))?;
-        let mut part = (&original).take(COPIED_AT_ONCE);
+        let mut part = (&*original).take(COPIED_AT_ONCE);
         match io::copy(&mut part, copy.as_file_mut()).map_err(writing)? {
             0 => return Ok(copy.into_temp_path()),
             count => done += count,
@@ -352,6 +355,25 @@ mod tests {
         change_copy(&place, [&goes_on, &goes_on], append).unwrap();
         assert_eq!(*goes_on.1.lock().unwrap(), (5, 5));
         assert_eq!(fs::read(&place).unwrap(), b"changed");
+    }
+
+    /// Who paints on it meanwhile would else write over what is still to be copied.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_copied_is_marked_as_being_read() {
+        struct Marks(PathBuf, Mutex<Vec<bool>>);
+        impl Progress for Marks {
+            fn report(&self, _: u64, _: u64) {
+                let is_marked = File::open(&self.0).unwrap().try_lock().is_err();
+                self.1.lock().unwrap().push(is_marked);
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let marks = Marks(folder.path().join("a.fan"), Mutex::default());
+        fs::write(&marks.0, "asset").unwrap();
+        change_into(&marks.0, &folder.path().join("b.fan"), false, &marks, |_| Ok(())).unwrap();
+        assert_eq!(*marks.1.lock().unwrap(), [true, true]);
+        File::open(&marks.0).unwrap().try_lock().unwrap();
     }
 
     #[test]
