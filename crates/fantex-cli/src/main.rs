@@ -4,6 +4,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 use fantex::base::random::DEFAULT_SEED;
+use fantex::signals::fail_writes_at_size_limit;
 use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
@@ -80,18 +81,6 @@ fn main() -> ExitCode {
         Err(error) => failed(&error),
     }
 }
-
-/// Makes writes beyond a limit on the size of files (`ulimit -f`) fail like those on a full disk, instead of ending the program.
-#[cfg(unix)]
-#[expect(unsafe_code, reason = "how signals are ignored")]
-fn fail_writes_at_size_limit() {
-    // SAFETY: the signal is ignored, so no code runs as its handler; no other thread runs yet.
-    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
-}
-
-/// Other systems have no such limit.
-#[cfg(not(unix))]
-fn fail_writes_at_size_limit() {}
 
 fn failed(error: &Error) -> ExitCode {
     say(format_args!("fantex: {error}"));

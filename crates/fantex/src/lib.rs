@@ -61,7 +61,7 @@
 //! | `paint` | [`paint`]: strokes, layers, undo |
 //! | `photos` | [`photos`]: photographs with cameras as a source |
 //! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |
-//! | `signals` | [`signals`]: requests to end a program |
+//! | `signals` | [`signals`]: requests to end a program, limits |
 //!
 //! # Modules
 //!
