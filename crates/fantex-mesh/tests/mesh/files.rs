@@ -538,7 +538,7 @@ fn wrong_ply_files_are_refused_with_the_place() {
     let positions = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
     assert_mentions(&body(&format!("{positions}3 0 1 4\n")), &["face 0 refers to vertex 4, but there are 4"]);
     assert_mentions(&body(&format!("{positions}3 0 1 -1\n")), &["face 0 refers to vertex -1"]);
-    assert_mentions(&body(&format!("{positions}3 0 1 0.5\n")), &["face 0 refers to vertex"]);
+    assert_mentions(&body(&format!("{positions}3 0 1 0.5\n")), &["face 0 refers to vertex 0.5,"]);
     assert_mentions(
         &body(&format!("{positions}3 0 1 4294967296\n")),
         &["face 0 refers to vertex 4294967296"],

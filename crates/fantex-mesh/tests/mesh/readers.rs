@@ -42,11 +42,15 @@ fn dissolve_counts_where_transparency_is_given_too() {
         let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\n{FACE}");
         let mtl = format!("newmtl m\nKd 1 1 1\n{lines}");
         let model = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).unwrap();
-        (model.materials[0].base_color.w, model.materials[0].alpha)
+        let opaque = model.notes.iter().filter(|note| note.contains("taken as opaque")).count();
+        (model.materials[0].base_color.w, model.materials[0].alpha, opaque)
     };
-    assert_eq!(alpha("d 1.0\nTr 1.0\n"), (1.0, AlphaMode::Opaque));
-    assert_eq!(alpha("Tr 1.0\nd 1.0\n"), (1.0, AlphaMode::Opaque));
-    assert_eq!(alpha("Tr 0.25\n"), (0.75, AlphaMode::Blend));
+    assert_eq!(alpha("d 1.0\nTr 1.0\n"), (1.0, AlphaMode::Opaque, 0));
+    assert_eq!(alpha("Tr 1.0\nd 1.0\n"), (1.0, AlphaMode::Opaque, 0));
+    assert_eq!(alpha("Tr 0.25\n"), (0.75, AlphaMode::Blend, 0));
+    assert_eq!(alpha("Tr 1.0\nd 0.0\n"), (0.0, AlphaMode::Blend, 0));
+    // MeshLab writes the opacity after `Tr`.
+    assert_eq!(alpha("Tr 1.000000\n"), (1.0, AlphaMode::Opaque, 1));
 }
 
 #[test]
@@ -112,6 +116,17 @@ fn facets_of_stl_have_colours_in_either_convention() {
     let (colors, notes) = load(b"", &[0x801f, 7, 0]);
     assert_eq!(colors, []);
     assert_mentions(&notes, &["attributes of 2 facets", "not colours"]);
+}
+
+/// As Blender 2.47 wrote them.
+#[test]
+fn header_lines_of_ply_without_a_keyword_are_comments() {
+    let header = "ply\nformat ascii 1.0\nCreated by Blender3D 247 - www.blender.org, source file: \n";
+    let elements = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let model = load_text("a.ply", &format!("{header}{elements}{rows}")).unwrap();
+    assert_eq!(model.triangles, [[0, 1, 2]]);
+    assert_mentions(&model.notes.join("\n"), &["1 header line", "line 3: Created by Blender3D"]);
 }
 
 #[test]
