@@ -18,7 +18,8 @@ use rayon::prelude::*;
 use crate::counts::there_are;
 use crate::load::polygon::Triangulator;
 use crate::load::{
-    SourceFile, Words, are_bytes, broken_colors_note, linear_rgba, locate, pad, parsed, relative_path, shown,
+    SourceFile, Words, are_bytes, broken_colors_note, linear_rgba, locate, pad, parsed_number, relative_path,
+    shown,
 };
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
@@ -299,7 +300,7 @@ impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
 impl NumberSource for Words<'_> {
     fn next(&mut self, _: Scalar) -> Result<f64, SourceError> {
         let word = self.next().ok_or(SourceError::End)?;
-        parsed(word).ok_or_else(|| SourceError::NotANumber(self.line, shown(word)))
+        parsed_number(word).ok_or_else(|| SourceError::NotANumber(self.line, shown(word)))
     }
 
     fn skip(&mut self, _: Scalar, count: u64) -> Result<(), SourceError> {
@@ -828,7 +829,10 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
     if header.texture_files.is_empty() || model.corners.uv_sets.is_empty() {
         return Ok(());
     }
-    for (image, name) in header.texture_files.iter().enumerate() {
+    // MeshLab's word for the name of the file itself.
+    let stem = file.path.file_stem().unwrap_or_default().to_string_lossy();
+    let names = header.texture_files.iter().map(|name| name.replace("<this>", &stem));
+    for (image, name) in names.enumerate() {
         let texture = TextureRef {
             image,
             uv_set: 0,
@@ -843,7 +847,7 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
             ..Material::default()
         };
         model.materials.push(material);
-        let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
+        let path = relative_path(&name).unwrap_or_else(|| PathBuf::from(&name));
         model.images.push(ImageSource::File(locate(file.path, &path)?));
     }
     let files = header.texture_files.len();
