@@ -67,7 +67,8 @@ impl<'a> ImageSource<'a> {
     }
 
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
-    /// texture, with degenerate coordinates, or too slender to show any take the mean of the others, by area.
+    /// texture, with degenerate coordinates, or too slender to show any take the mean of the others, by area. Those that show a point of
+    /// a palette get what crisp borders between its colours need.
     pub(crate) fn density(&self) -> Vec<f32> {
         let mut densities: Vec<f32> =
             (0..self.mesh.triangles.len()).map(|t| self.triangle_density(t)).collect();
@@ -83,7 +84,27 @@ impl<'a> ImageSource<'a> {
         densities
             .iter_mut()
             .for_each(|d| *d = if *d > 0.0 { d.clamp(mean / 16.0, mean * 16.0) } else { mean });
+        let of_points = (PALETTE_TEXELS / self.mesh.area()).sqrt() as f32;
+        for (triangle, density) in densities.iter_mut().enumerate() {
+            if *density < of_points && self.shows_a_point(triangle) {
+                *density = of_points;
+            }
+        }
         densities
+    }
+
+    /// Whether so little of its images lies on a triangle that this says nothing about how many texels it needs.
+    fn shows_a_point(&self, triangle: usize) -> bool {
+        let textures = &self.materials[self.mesh.material_of(triangle)];
+        let shown = textures.layers().map(|layer| self.texel_area(layer, triangle)).reduce(f32::max);
+        shown.is_some_and(|shown| shown < 2.0 * POINT_TEXELS)
+    }
+
+    /// Twice the area of a triangle on an image, in its texels.
+    fn texel_area(&self, layer: &TextureLayer, triangle: usize) -> f32 {
+        let [ta, tb, tc] = layer.corner_uv(self.mesh, triangle);
+        let [width, height] = layer.texture.size().map(|n| n as f32);
+        ((tb - ta).perp_dot(tc - ta) * width * height).abs()
     }
 
     /// Texels of the largest image of each material; an image that several materials share counts once.
@@ -102,13 +123,8 @@ impl<'a> ImageSource<'a> {
         if area < MIN_SLENDERNESS * longest2 {
             return 0.0;
         }
-        let texel_area = |layer: &TextureLayer| {
-            let [ta, tb, tc] = layer.corner_uv(self.mesh, triangle);
-            let [width, height] = layer.texture.size().map(|n| n as f32);
-            ((tb - ta).perp_dot(tc - ta) * width * height).abs()
-        };
         let textures = &self.materials[self.mesh.material_of(triangle)];
-        let finest = textures.layers().map(texel_area).fold(0.0, f32::max);
+        let finest = textures.layers().map(|layer| self.texel_area(layer, triangle)).fold(0.0, f32::max);
         let density = (finest / area).sqrt();
         if density.is_finite() { density } else { 0.0 }
     }
@@ -125,6 +141,12 @@ impl<'a> ImageSource<'a> {
 
 /// Texels per mesh unit where no image says.
 pub(crate) const NO_IMAGE_DENSITY: f32 = 256.0;
+
+/// A triangle that shows less of its images, in texels, shows a point of them.
+const POINT_TEXELS: f32 = 1.0 / 16.0;
+
+/// Texels of a whole model at the density of triangles that show a point each.
+const PALETTE_TEXELS: f64 = (1 << 18) as f64;
 
 /// What lies so near to an edge between texels lies on it, in texels.
 const ON_EDGE: f32 = 0.01;

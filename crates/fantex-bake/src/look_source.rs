@@ -116,7 +116,8 @@ impl<'a> LookSource<'a> {
 
     /// Texels of the finest image per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without image,
     /// with degenerate coordinates, or too slender to show any take the mean of the others, by area; where nothing has an image,
-    /// as in looks, it is 256.
+    /// as in looks, it is 256. Triangles that show less than a sixteenth of a texel, as those of models coloured by a palette do, have at
+    /// least the density at which the whole model has 2^18 texels.
     pub fn density(&self) -> Vec<f32> {
         match &self.0 {
             Materials::Images(source) => source.density(),

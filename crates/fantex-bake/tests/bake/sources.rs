@@ -596,6 +596,26 @@ fn needles_do_not_ask_for_texels() {
     assert!(densities.iter().all(|d| (d / mean - 1.0).abs() < 0.01), "{densities:?} instead of {mean}");
 }
 
+/// Models coloured by a palette show a point of it on each triangle, but for rounding errors, and their colours meet at edges.
+#[test]
+fn points_of_a_palette_are_as_dense_as_borders_between_them_need() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = vec![image_file(folder.path(), "grey.png", &[[0.5; 4]; 64 * 64])];
+    let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
+    let usual = two_materials([material.clone(), material], images);
+    let texels = |mesh: &Mesh| {
+        let densities = LookSource::of_model(mesh).unwrap().density();
+        let of = |(t, &density): (usize, &f32)| f64::from(density).powi(2) * mesh.triangle_area(t);
+        densities.iter().enumerate().map(of).sum::<f64>()
+    };
+    assert!(texels(&usual) < 1e5, "{}", texels(&usual));
+    for scale in [1e-6, 1e-3] {
+        let mut mesh = usual.clone();
+        mesh.corners.uv_sets[0].iter_mut().for_each(|uv| *uv = Vec2::splat(0.3) + scale * *uv);
+        assert!((texels(&mesh) / 262_144.0 - 1.0).abs() < 0.01, "{}", texels(&mesh));
+    }
+}
+
 #[test]
 fn images_that_cannot_be_read_are_named_with_what_wants_them() {
     let folder = tempfile::tempdir().unwrap();

@@ -423,8 +423,20 @@ fn shown(word: &[u8]) -> String {
 }
 
 fn parsed<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
-    // Rust's own parser rounds correctly and takes "nan" and "inf", which cleaning deals with.
     std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Rust's own parser rounds correctly and takes "nan" and "inf", which cleaning deals with. Programs for Windows write "1.#IND",
+/// "-1.#QNAN00", "1.#INF" and "-nan(ind)".
+fn parsed_number(word: &[u8]) -> Option<f64> {
+    parsed(word).or_else(|| {
+        let unsigned = word.strip_prefix(b"-").unwrap_or(word).to_ascii_lowercase();
+        if unsigned.starts_with(b"1.#inf") {
+            return Some(f64::INFINITY);
+        }
+        let is_nan = [&b"1.#ind"[..], b"1.#qnan", b"1.#snan", b"nan("];
+        is_nan.iter().any(|start| unsigned.starts_with(start)).then_some(f64::NAN)
+    })
 }
 
 // Files that a model names: where they are, and their bytes.

@@ -3,7 +3,7 @@
 //! packing where both are one image, and any channel of a grey one.
 //!
 //! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. A black `Kd` beside `map_Kd`, which exporters write that have no
-//! factor, counts as white. What follows `map_Bump` is a [`BumpImage`]. What metallic-roughness cannot express is left out with a note, and so are
+//! factor, counts as white. `Tr 1` without `d`, which MeshLab writes for what is opaque, counts as opaque. What follows `map_Bump` is a [`BumpImage`]. What metallic-roughness cannot express is left out with a note, and so are
 //! changes of a map's brightness and contrast (`-mm`).
 
 use std::collections::{HashMap, HashSet};
@@ -223,6 +223,12 @@ impl<'a> Reader<'a> {
     fn end_material(&mut self) {
         let Some(mut pending) = self.current.take() else { return };
         let Material { name, base_color, base_color_texture, .. } = &mut pending.material;
+        if base_color.w == 0.0 && !pending.has_dissolve {
+            base_color.w = 1.0;
+            self.library.notes.push(format!(
+                "material {name:?}: Tr 1 would hide it, and was taken as opaque, as MeshLab means it"
+            ));
+        }
         if base_color_texture.is_some() && base_color.truncate() == Vec3::ZERO {
             *base_color = Vec3::ONE.extend(base_color.w);
             self.library.notes.push(format!(

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use crate::counts::there_are;
 use crate::load::mtl::{Library, load_libraries};
 use crate::load::polygon::Triangulator;
-use crate::load::{SourceFile, are_bytes, broken_colors_note, linear_rgba, pad, parsed, shown};
+use crate::load::{SourceFile, are_bytes, broken_colors_note, linear_rgba, pad, parsed_number, shown};
 use crate::{Material, Model, Parts};
 
 pub(super) fn load(file: &SourceFile) -> Result<Model> {
@@ -30,7 +30,7 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 pub(super) fn number(word: &[u8]) -> Result<f64> {
-    parsed(word).ok_or_else(|| not_a_number(word))
+    parsed_number(word).ok_or_else(|| not_a_number(word))
 }
 
 pub(super) fn not_a_number(word: &[u8]) -> Error {
@@ -213,6 +213,8 @@ struct Parser<'a> {
 
 /// What a face corner refers to, in the order in which it is written.
 const REFERENTS: [&str; 3] = ["position", "texture coordinate", "normal"];
+const POSITION: usize = 0;
+const NORMAL: usize = 2;
 
 impl<'a> Parser<'a> {
     fn new(file: &'a SourceFile<'a>) -> Self {
@@ -381,14 +383,28 @@ impl<'a> Parser<'a> {
     }
 
     fn finish(mut self) -> Result<ObjText> {
-        for ((count, (index, line)), what) in self.counts().into_iter().zip(self.highest).zip(REFERENTS) {
-            if index > count {
+        let counts = self.counts();
+        for (referent, what) in REFERENTS.into_iter().enumerate() {
+            let (count, (index, line)) = (counts[referent], self.highest[referent]);
+            if index > count && (count > 0 || referent == POSITION) {
                 let error = index_out_of_range(what, index as i64, count);
                 return Err(at_line(error, line, self.file.path));
+            }
+            if index > count {
+                self.leave_out(referent);
             }
         }
         self.write_notes();
         Ok(self.text)
+    }
+
+    /// Takes back references to what the file has none of: some programs write their numbers all the same.
+    fn leave_out(&mut self, referent: usize) {
+        for corner in &mut self.text.corners {
+            *if referent == NORMAL { &mut corner.normal } else { &mut corner.uv } = NONE;
+        }
+        let what = REFERENTS[referent];
+        self.text.notes.push(format!("faces refer to {what}s, but there are none, and were read without"));
     }
 
     fn write_notes(&mut self) {

@@ -18,7 +18,8 @@ use rayon::prelude::*;
 use crate::counts::there_are;
 use crate::load::polygon::Triangulator;
 use crate::load::{
-    SourceFile, Words, are_bytes, broken_colors_note, linear_rgba, locate, pad, parsed, relative_path, shown,
+    SourceFile, Words, are_bytes, broken_colors_note, linear_rgba, locate, pad, parsed_number, relative_path,
+    shown,
 };
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
@@ -31,7 +32,7 @@ pub(super) fn load(file: &SourceFile) -> Result<Model> {
     read().map_err(|error| error.in_file(file.path))
 }
 
-fn index_out_of_range(face: u64, index: i64, count: usize) -> Error {
+fn index_out_of_range(face: u64, index: f64, count: usize) -> Error {
     let there_are = there_are(count);
     Error::malformed(format!("face {face} refers to vertex {index}, but {there_are} (counting starts at 0)"))
 }
@@ -127,6 +128,8 @@ struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
     texture_files: Vec<String>,
+    /// The first line that means nothing, and how many there are.
+    unknown: Option<(String, usize)>,
     data_offset: usize,
     line_count: usize,
 }
@@ -142,6 +145,7 @@ fn parse(bytes: &[u8]) -> Result<Header> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
     let mut texture_files = Vec::new();
+    let mut unknown = None;
     let mut offset = 0;
     for line_number in 1.. {
         let rest = &bytes[offset..];
@@ -190,11 +194,19 @@ fn parse(bytes: &[u8]) -> Result<Header> {
                     encoding,
                     elements,
                     texture_files,
+                    unknown,
                     data_offset: offset,
                     line_count: line_number,
                 });
             }
-            _ => return Err(wrong("format, element, property, comment, obj_info or end_header")),
+            // What makes up the rows must be understood. Other lines are comments, some of which lack the word.
+            ["ply" | "format" | "element" | "end_header", ..] => {
+                return Err(wrong("format, element, property, comment, obj_info or end_header"));
+            }
+            _ => {
+                let first = || (format!("{line_number}: {}", shown(line.as_bytes())), 0);
+                unknown.get_or_insert_with(first).1 += 1;
+            }
         }
     }
     Err(endless())
@@ -288,7 +300,7 @@ impl<const BIG: bool> NumberSource for Binary<'_, BIG> {
 impl NumberSource for Words<'_> {
     fn next(&mut self, _: Scalar) -> Result<f64, SourceError> {
         let word = self.next().ok_or(SourceError::End)?;
-        parsed(word).ok_or_else(|| SourceError::NotANumber(self.line, shown(word)))
+        parsed_number(word).ok_or_else(|| SourceError::NotANumber(self.line, shown(word)))
     }
 
     fn skip(&mut self, _: Scalar, count: u64) -> Result<(), SourceError> {
@@ -461,7 +473,7 @@ fn check_indices(content: &Content) -> Result<()> {
     }
     let first_bad = |face: &usize| corners[content.faces.range(*face)].iter().find(|&&v| v as usize >= count);
     let face = (0..content.faces.len()).find(|face| first_bad(face).is_some()).unwrap_or_default();
-    let index = first_bad(&face).copied().map_or(-1, i64::from);
+    let index = first_bad(&face).copied().map_or(-1.0, f64::from);
     Err(index_out_of_range(face as u64, index, count))
 }
 
@@ -688,7 +700,7 @@ impl<S: NumberSource> Rows<'_, S> {
         let vertex = index as u32;
         match f64::from(vertex) == index {
             true => Ok(vertex),
-            false => Err(index_out_of_range(self.row, index as i64, self.vertex_count)),
+            false => Err(index_out_of_range(self.row, index, self.vertex_count)),
         }
     }
 
@@ -797,6 +809,10 @@ fn build(file: &SourceFile, header: &Header, mut content: Content) -> Result<Mod
         let list = content.skipped_elements.join(", ");
         model.notes.push(format!("elements that fantex does not use were skipped: {list}"));
     }
+    if let Some((first, count)) = &header.unknown {
+        let lines = counted(*count, "header line");
+        model.notes.push(format!("skipped {lines} with an unknown keyword, the first is line {first}"));
+    }
     if content.trailing > 0 {
         let bytes = counted(content.trailing, "byte");
         model.notes.push(format!(
@@ -813,7 +829,10 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
     if header.texture_files.is_empty() || model.corners.uv_sets.is_empty() {
         return Ok(());
     }
-    for (image, name) in header.texture_files.iter().enumerate() {
+    // MeshLab's word for the name of the file itself.
+    let stem = file.path.file_stem().unwrap_or_default().to_string_lossy();
+    let names = header.texture_files.iter().map(|name| name.replace("<this>", &stem));
+    for (image, name) in names.enumerate() {
         let texture = TextureRef {
             image,
             uv_set: 0,
@@ -828,7 +847,7 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
             ..Material::default()
         };
         model.materials.push(material);
-        let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
+        let path = relative_path(&name).unwrap_or_else(|| PathBuf::from(&name));
         model.images.push(ImageSource::File(locate(file.path, &path)?));
     }
     let files = header.texture_files.len();

@@ -13,7 +13,7 @@
 use fantex_base::{Error, Place, Result, counted};
 use glam::{DVec3, Vec3, Vec3Swizzles, Vec4};
 
-use super::{SourceFile, Words, linear_rgba, parsed, shown};
+use super::{SourceFile, Words, linear_rgba, parsed_number, shown};
 use crate::Model;
 
 const HEADER_BYTES: usize = 84;
@@ -229,7 +229,7 @@ impl<'a> Ascii<'a> {
 
     fn number(&mut self) -> Result<f64> {
         let word = self.word().unwrap_or_default();
-        parsed(word).ok_or_else(|| self.unexpected("a coordinate", word))
+        parsed_number(word).ok_or_else(|| self.unexpected("a coordinate", word))
     }
 
     fn expect(&mut self, word: &[u8], expected: &str) -> Result<()> {

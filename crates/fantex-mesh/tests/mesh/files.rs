@@ -212,8 +212,9 @@ fn errors_name_the_line() {
     assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there is 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there is 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 -2\n"), &["line 2:", "position -2"]);
-    assert_mentions(&refuse("v 0 0 0\nf 1/1 1/1 1/1\n"), &["line 2:", "texture coordinate 1", "there are 0"]);
-    assert_mentions(&refuse("v 0 0 0\nf 1//3 1 1\n"), &["line 2:", "normal 3"]);
+    let uv = "v 0 0 0\nvt 0 0\nf 1/1 1/2 1/1\n";
+    assert_mentions(&refuse(uv), &["line 3:", "texture coordinate 2", "there is 1"]);
+    assert_mentions(&refuse("v 0 0 0\nvn 0 0 1\nf 1//3 1 1\n"), &["line 3:", "normal 3", "there is 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1/1/1/1 1 1\n"), &["line 2:", "face corner", "1/1/1/1"]);
     assert_mentions(&refuse("v 0 0 0\nf 4294967296 1 1\n"), &["line 2:", "position 4294967296"]);
     assert_mentions(&refuse("v 0 0 0\nf 99999999999999999999 1 1\n"), &["line 2:", "face corner"]);
@@ -538,7 +539,7 @@ fn wrong_ply_files_are_refused_with_the_place() {
     let positions = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
     assert_mentions(&body(&format!("{positions}3 0 1 4\n")), &["face 0 refers to vertex 4, but there are 4"]);
     assert_mentions(&body(&format!("{positions}3 0 1 -1\n")), &["face 0 refers to vertex -1"]);
-    assert_mentions(&body(&format!("{positions}3 0 1 0.5\n")), &["face 0 refers to vertex"]);
+    assert_mentions(&body(&format!("{positions}3 0 1 0.5\n")), &["face 0 refers to vertex 0.5,"]);
     assert_mentions(
         &body(&format!("{positions}3 0 1 4294967296\n")),
         &["face 0 refers to vertex 4294967296"],

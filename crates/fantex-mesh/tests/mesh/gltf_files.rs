@@ -319,6 +319,9 @@ fn wrong_references_are_named() {
     assert_mentions(&message("a.gltf", count.as_bytes()), &["3 positions, but 2 values of NORMAL"]);
     let version = text.replace(r#""version":"2.0""#, r#""version":"1.0""#);
     assert_mentions(&message("a.gltf", version.as_bytes()), &["version \"1.0\"", "2.0"]);
+    // Whose lists are objects.
+    let version = r#"{"accessors":{"a":{"count":3}},"asset":{"version":"1.0"}}"#;
+    assert_mentions(&message("a.gltf", version.as_bytes()), &["version \"1.0\"", "convert it"]);
     assert_mentions(&message("a.gltf", b"{\"asset\":"), &["JSON", "line 1"]);
     assert_mentions(&message("a.glb", b"glTF\x01\0\0\0\x0c\0\0\0"), &["container of version 1"]);
 }

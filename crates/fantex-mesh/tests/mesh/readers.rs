@@ -11,6 +11,39 @@ use glam::{Vec2, Vec3, Vec4};
 
 const FACE: &str = "f 1 2 3\n";
 
+/// As OpenSubdiv's shapes do. Where there are some, a number too high is a sign of damage, and refused.
+#[test]
+fn faces_may_refer_to_attributes_of_which_there_are_none() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/4/7 2/5/8 3/6/9\n";
+    let model = load_text("a.obj", text).unwrap();
+    assert_eq!(model.triangles, [[0, 1, 2]]);
+    assert!(model.corners.uv_sets.is_empty() && model.corners.normals.is_empty());
+    assert_mentions(&model.notes.join("\n"), &["texture coordinates, but", "normals, but"]);
+    let model = load_text(
+        "a.obj",
+        &format!("vt 0.5 0\n{}", text.replace("/4/", "/1/").replace("/5/", "/1/").replace("/6/", "/1/")),
+    )
+    .unwrap();
+    assert_eq!(model.corners.uv_sets, [[Vec2::new(0.5, 1.0); 3]]);
+    assert!(model.corners.normals.is_empty() && model.notes.len() == 1, "{:?}", model.notes);
+}
+
+#[test]
+fn numbers_that_are_none_are_read_as_programs_for_windows_write_them() {
+    let obj = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1.#IND -1.#QNAN0 -nan(ind)\n{FACE}f 1 2 4\n");
+    let positions = "property float x\nproperty float y\nproperty float z\n";
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\n{positions}element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n-1.#IND000 1.#INF 0\n3 0 1 2\n3 0 1 3\n"
+    );
+    for (name, text) in [("a.obj", obj), ("a.ply", ply)] {
+        let model = load_text(name, &text).unwrap();
+        assert!(model.positions[3].x.is_nan() && !model.positions[3].is_finite(), "{name}");
+        let (mesh, report) = clean(model, &CleanOptions::default()).unwrap();
+        assert_eq!((mesh.triangles.len(), report.triangles_non_finite), (1, 1), "{name}");
+    }
+    assert_mentions(&message("a.obj", b"v 1.#X 0 0\n"), &["expected a number", "1.#X"]);
+}
+
 #[test]
 fn overexposed_colours_are_no_bytes() {
     let text = format!("v 0 0 0 1.001 0.5 0\nv 1 0 0 1 0.5 0\nv 0 1 0 0 1 0\n{FACE}");
@@ -42,11 +75,15 @@ fn dissolve_counts_where_transparency_is_given_too() {
         let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\n{FACE}");
         let mtl = format!("newmtl m\nKd 1 1 1\n{lines}");
         let model = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes())]).unwrap();
-        (model.materials[0].base_color.w, model.materials[0].alpha)
+        let opaque = model.notes.iter().filter(|note| note.contains("taken as opaque")).count();
+        (model.materials[0].base_color.w, model.materials[0].alpha, opaque)
     };
-    assert_eq!(alpha("d 1.0\nTr 1.0\n"), (1.0, AlphaMode::Opaque));
-    assert_eq!(alpha("Tr 1.0\nd 1.0\n"), (1.0, AlphaMode::Opaque));
-    assert_eq!(alpha("Tr 0.25\n"), (0.75, AlphaMode::Blend));
+    assert_eq!(alpha("d 1.0\nTr 1.0\n"), (1.0, AlphaMode::Opaque, 0));
+    assert_eq!(alpha("Tr 1.0\nd 1.0\n"), (1.0, AlphaMode::Opaque, 0));
+    assert_eq!(alpha("Tr 0.25\n"), (0.75, AlphaMode::Blend, 0));
+    assert_eq!(alpha("Tr 1.0\nd 0.0\n"), (0.0, AlphaMode::Blend, 0));
+    // MeshLab writes the opacity after `Tr`.
+    assert_eq!(alpha("Tr 1.000000\n"), (1.0, AlphaMode::Opaque, 1));
 }
 
 #[test]
@@ -114,6 +151,17 @@ fn facets_of_stl_have_colours_in_either_convention() {
     assert_mentions(&notes, &["attributes of 2 facets", "not colours"]);
 }
 
+/// As Blender 2.47 wrote them.
+#[test]
+fn header_lines_of_ply_without_a_keyword_are_comments() {
+    let header = "ply\nformat ascii 1.0\nCreated by Blender3D 247 - www.blender.org, source file: \n";
+    let elements = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let model = load_text("a.ply", &format!("{header}{elements}{rows}")).unwrap();
+    assert_eq!(model.triangles, [[0, 1, 2]]);
+    assert_mentions(&model.notes.join("\n"), &["1 header line", "line 3: Created by Blender3D"]);
+}
+
 #[test]
 fn faces_may_have_no_texture() {
     let model = |files: &str, numbers: [i32; 3]| {
@@ -134,6 +182,9 @@ fn faces_may_have_no_texture() {
     let mixed = model(&two, [1, -1, 0]);
     assert_eq!((textures(&mixed), &mixed.triangle_materials[..]), (vec![true, true, false], &[1, 2, 0][..]));
     assert_eq!(model(one, [0, 0, 0]).triangle_materials, [0u32; 0]);
+    // In MeshLab's samples.
+    let named = model("comment TextureFile <this>_A.png\n", [0, 0, 0]);
+    assert!(matches!(&named.images[0], ImageSource::File(path) if path.ends_with("a_A.png")));
 }
 
 // glTF.

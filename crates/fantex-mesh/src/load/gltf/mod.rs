@@ -28,7 +28,7 @@ use fantex_base::input::{self, Held};
 use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use pose::{COLORS, Placement, morph, world_from_bind};
-use schema::{Instancing, Node, Primitive, Root};
+use schema::{Asset, Instancing, Node, Primitive, Root, Versioned};
 
 use crate::counts::there_are;
 use crate::load::{SourceFile, pad};
@@ -49,10 +49,14 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
         _ => (file.bytes, None),
     };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-    let root: Root = serde_json::from_slice(json)
-        .map_err(|error| Error::malformed(format!("its JSON does not describe a glTF model: {error}")))?;
+    let root: Root = serde_json::from_slice(json).map_err(|error| {
+        // Other versions have other fields.
+        let version = serde_json::from_slice(json).map_or(Ok(()), |of: Versioned| check_version(&of.asset));
+        let malformed = || Error::malformed(format!("its JSON does not describe a glTF model: {error}"));
+        version.err().unwrap_or_else(malformed)
+    })?;
     let mut model = Model::default();
-    check_version(&root)?;
+    check_version(&root.asset)?;
     check_extensions(&root, &mut model.notes)?;
 
     let buffers = Buffers::load(&root, file, binary)?;
@@ -86,11 +90,13 @@ fn get<'a, T>(
 }
 
 /// Minor versions are compatible by definition.
-fn check_version(root: &Root) -> Result<()> {
-    let version = &root.asset.version;
+fn check_version(asset: &Asset) -> Result<()> {
+    let version = &asset.version;
     match version.split('.').next() {
         Some("2") => Ok(()),
-        _ => Err(Error::unsupported(format!("it is glTF of version {version:?}, but fantex reads 2.0"))),
+        _ => Err(Error::unsupported(format!(
+            "it is glTF of version {version:?}, but fantex reads 2.0; convert it, for example with gltf-pipeline"
+        ))),
     }
 }
 

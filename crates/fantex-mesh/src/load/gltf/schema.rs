@@ -43,6 +43,12 @@ pub(super) struct Root {
     pub(super) samplers: Vec<Sampler>,
 }
 
+/// What documents of all versions have.
+#[derive(Deserialize)]
+pub(super) struct Versioned {
+    pub(super) asset: Asset,
+}
+
 #[derive(Deserialize)]
 pub(super) struct Asset {
     #[serde(default)]
