@@ -170,13 +170,18 @@ impl<'a> Projector<'a> {
         normal: Vec3,
         accept: impl Fn(SurfacePoint) -> bool,
     ) -> Option<SurfacePoint> {
-        let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
+        let hit = |direction: Vec3, front: bool, reach: f32| {
             // From a little behind, since the surfaces may touch at the point itself.
             let origin = p - direction * SURFACE_OFFSET;
             let is_match = |hit: &RayHit| hit.front == front && accept(hit.point);
-            self.bvh.first_hit_where(origin, direction, self.cage + SURFACE_OFFSET, is_match)
-        });
-        let nearest = hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
+            self.bvh.first_hit_where(origin, direction, reach, is_match)
+        };
+        let reach = self.cage + SURFACE_OFFSET;
+        let outwards = hit(normal, false, reach);
+        // What is farther inwards is not the nearest.
+        let inwards = hit(-normal, true, outwards.as_ref().map_or(reach, |hit| hit.distance));
+        let nearest =
+            [outwards, inwards].into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
         nearest.map(|hit| hit.point)
     }
 

@@ -80,7 +80,7 @@ impl Scene {
                 context.report_left_out(&self.path, &surface.left_out())?;
                 Box::new(surface)
             }
-            Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
+            Content::Asset(cache) => FanSurface::boxed(cache, filter),
         })
     }
 

@@ -41,6 +41,12 @@ impl FanSurface {
     pub fn of_asset(cache: &PageCache, filter: FilterOptions) -> Self {
         Self::new(Sampler::of_cache(cache, filter))
     }
+
+    /// The same for renderers. What it does is compiled with this crate, where [`of_asset`](Self::of_asset) leaves that to the crate
+    /// that asks, which may be compiled without optimisation.
+    pub fn boxed(cache: &PageCache, filter: FilterOptions) -> Box<dyn Surface> {
+        Box::new(Self::of_asset(cache, filter))
+    }
 }
 
 impl<S: TileSource> FanSurface<S> {

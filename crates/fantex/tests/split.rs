@@ -556,7 +556,7 @@ fn dirty_meshes_are_split_as_they_are() {
         let folder = tempfile::tempdir().unwrap();
         let whole = baked(folder.path(), dirty_mesh(seed), 60_000);
         assert!(verify_asset(whole.shared(), &VerifyOptions::default()).ok, "seed {seed}");
-        let previews = SectorPreviews { triangles: Some(100), texels: Some(20_000) };
+        let previews = SectorPreviews { triangles: Some(100), texels: Some(2000) };
         let options = SplitOptions { triangles: 90, previews: Some(previews), ..SplitOptions::default() };
         let split = split_into(&whole, &folder.path().join("world"), &options);
         println!(

@@ -339,7 +339,7 @@ fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
         let seconds = |surface: &dyn Surface| {
             fastest(|| photograph(&bench.mesh, surface, &camera, &options).map(|_| ()))
         };
-        let fans = seconds(&FanSurface::of_asset(&cache, filter))?;
+        let fans = seconds(&*FanSurface::boxed(&cache, filter))?;
         let model = seconds(&LookSurface::of_model(&bench.mesh, filter)?)?;
         rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
     }

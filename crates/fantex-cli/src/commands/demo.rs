@@ -153,16 +153,16 @@ impl Demo<'_> {
 
         self.context.note(format!("rendering the {name}, baked and original"));
         let cache = PageCache::new(Arc::new(Asset::open(&asset_path)?), memory_bytes);
-        let baked = FanSurface::of_asset(&cache, FilterOptions::default());
+        let baked = FanSurface::boxed(&cache, FilterOptions::default());
         let options = RenderOptions::default();
-        for (suffix, surface) in [("baked", &baked as &dyn Surface), ("original", original)] {
+        for (suffix, surface) in [("baked", &*baked), ("original", original)] {
             let path = self.target(&format!("{name}-{suffix}.png"))?;
             save(&photograph(mesh, surface, camera, &options)?.picture, &path, self.context)?;
             self.info.pictures.push(path.into());
         }
         let small = RenderOptions { width: 640, height: 480, samples: 4, ..options };
         let cameras = Camera::orbit(mesh, VIEWS, aspect(&small));
-        let subjects = [Subject { mesh, surface: original }, Subject { mesh, surface: &baked }];
+        let subjects = [Subject { mesh, surface: original }, Subject { mesh, surface: &*baked }];
         part.psnr_db = mean_psnr_db(subjects, &cameras, &small, self.context)?;
         self.info.assets.push(asset_path.into());
         self.info.parts.push(part);

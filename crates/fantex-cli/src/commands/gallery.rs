@@ -128,12 +128,13 @@ impl Gallery<'_> {
         let text = read(&path)?;
         let original: toml::Table =
             toml::from_str(&text).map_err(|error| Error::malformed(error.to_string()).in_file(&path))?;
+        let images = LookImages::default();
         let mut pictures = Vec::new();
         for (index, variant) in entry.variants().iter().enumerate() {
             let file = self.file_name(entry, index);
             let changed = variant.apply(&entry.name, original.clone())?;
             let text = if variant.set.is_empty() { text.clone() } else { changed.to_string() };
-            self.render(&LookFile::parse(&text, &path)?, &self.output.join(&file))?;
+            self.render(&LookFile::parse(&text, &path)?, &images, &self.output.join(&file))?;
             pictures.push(finished(file, variant));
         }
         Ok(FinishedEntry { entry, pictures, listing: Some(("The look", text)) })
@@ -214,13 +215,12 @@ impl Gallery<'_> {
     }
 
     /// One picture, or an animated one.
-    fn render(&self, file: &LookFile, target: &Path) -> Result<()> {
+    fn render(&self, file: &LookFile, images: &LookImages, target: &Path) -> Result<()> {
         let size = self.width.map(|width| {
             let [w, h] = file.look().picture.size.map(|side| side.0);
             [width, (u64::from(width) * u64::from(h)).div_ceil(u64::from(w)) as u32]
         });
-        let images = LookImages::default();
-        let resolver = MaterialResolver { file, images: &images, options: self.context.resolve_options() };
+        let resolver = MaterialResolver { file, images, options: self.context.resolve_options() };
         let scene = LookScene::new(resolver, None, PictureChanges { size, ..PictureChanges::default() })?;
         let mut times = scene.times();
         if self.is_still {

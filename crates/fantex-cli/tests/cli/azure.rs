@@ -103,7 +103,8 @@ fn an_upload_of_blocks_that_fails_leaves_no_blob() {
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (model, plan, part, here) = (land(folder.path()), place("a.plan"), place("a.part"), place("a.fan"));
     let model = model.to_str().unwrap();
-    let options = ["--source", "solid=landscape", "--texels", "2M", "--format", "float"];
+    let options =
+        ["--source", "solid=landscape", "--texels", "2M", "--format", "float", "--longest-edge", "0"];
     store.json(&[&["plan", model, "-o", &plan][..], &options].concat());
     store.json(&["bake", &plan, "--shard", "1/1", "-o", &part]);
     store.json(&["merge", &plan, &part, "-o", &here]);

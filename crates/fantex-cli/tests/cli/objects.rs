@@ -272,7 +272,8 @@ fn a_store_puts_an_asset_together_of_its_parts() {
     let Some(store) = serve(&bucket) else { return skip("no python3, in which the object store is written") };
     let (model, here) = (land(folder.path()), folder.path().join("here.fan"));
     let plan = "s3://scans/farm/land.plan";
-    let options = ["--source", "solid=landscape", "--texels", "8M", "--format", "float"];
+    let options =
+        ["--source", "solid=landscape", "--texels", "8M", "--format", "float", "--longest-edge", "0"];
     store.json(&[&["plan", model.to_str().unwrap(), "-o", plan][..], &options].concat());
     let parts = ["s3://scans/farm/1 of 2.part", "s3://scans/farm/2 of 2.part"];
     for (shard, part) in ["1/2", "2/2"].into_iter().zip(parts) {
@@ -349,7 +350,8 @@ fn an_upload_that_fails_leaves_no_object() {
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (model, plan, part, here) = (land(folder.path()), place("a.plan"), place("a.part"), place("a.fan"));
     let model = model.to_str().unwrap();
-    let options = ["--source", "solid=landscape", "--texels", "2M", "--format", "float"];
+    let options =
+        ["--source", "solid=landscape", "--texels", "2M", "--format", "float", "--longest-edge", "0"];
     store.json(&[&["plan", model, "-o", &plan][..], &options].concat());
     store.json(&["bake", &plan, "--shard", "1/1", "-o", &part]);
     store.json(&["merge", &plan, &part, "-o", &here]);

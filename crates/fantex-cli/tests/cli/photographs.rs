@@ -76,7 +76,8 @@ fn photographs_become_the_model_that_was_photographed() {
     ];
     for (name, source) in &sources {
         let asset = path(name);
-        let info = json(&[&"bake", &model, &"-o", &asset, &"--source", source, &"--texels", &"400k"]);
+        let sizes = ["--texels=400k", "--longest-edge=0"];
+        let info = json(&[&"bake", &model, &"-o", &asset, &"--source", source, &sizes[0], &sizes[1]]);
         assert_eq!(info["source"], *source);
         assert_eq!((info["photos"].as_u64(), info["photos_used"].as_u64()), (Some(12), Some(12)));
         assert_eq!(info["gains"].as_array().unwrap().len(), 12);
@@ -106,6 +107,8 @@ fn photographs_become_the_model_that_was_photographed() {
         source,
         &"--texels",
         &"400k",
+        &"--longest-edge",
+        &"0",
         &"--memory",
         &"4M",
     ]);

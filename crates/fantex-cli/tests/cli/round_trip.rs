@@ -546,7 +546,7 @@ fn every_model_bakes_without_a_jump() {
             &"--source",
             &"solid=marble",
             &"--texels",
-            &"1M",
+            &"300k",
             &"--force",
             &"--quiet",
         ]);

@@ -54,7 +54,8 @@ fn what_is_finished_and_cannot_be_sent_is_kept() {
     let temporary = Temporary::within(folder.path());
     let place = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (model, plan, part, here) = (land(folder.path()), place("a.plan"), place("a.part"), place("a.fan"));
-    let options = ["--source", "solid=landscape", "--texels", "2M", "--format", "float"];
+    let options =
+        ["--source", "solid=landscape", "--texels", "2M", "--format", "float", "--longest-edge", "0"];
     store.json(&[&["plan", model.to_str().unwrap(), "-o", &plan][..], &options].concat());
     store.json(&["bake", &plan, "--shard", "1/1", "-o", &part]);
     store.json(&["merge", &plan, &part, "-o", &here]);

@@ -7,7 +7,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use fantex_base::{Aabb, Error, Result, counted};
 use fantex_mesh::{ImageSource, Mesh};
 use fantex_texture::coordinates::{ImageLookup, InSpace, NormalAxes, SpaceMatrix, TextureMatrix};
-use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
+use fantex_texture::environment::{
+    CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy, PrefilteredEnvironment,
+};
 use fantex_texture::look::Slot;
 use fantex_texture::material::read_image;
 use fantex_texture::{
@@ -42,20 +44,44 @@ impl ImageUse {
     }
 }
 
-/// Images that have been read, so that several models share them.
+/// Images that have been read, so that several models share them, and the surroundings that were asked for last.
 #[derive(Debug, Default)]
-pub struct LookImages(Mutex<HashMap<(PathBuf, ImageUse), Arc<ImageTexture>>>);
+pub struct LookImages {
+    textures: Mutex<HashMap<(PathBuf, ImageUse), Arc<ImageTexture>>>,
+    environment: Mutex<Option<(String, Arc<PrefilteredEnvironment>)>>,
+}
 
 impl LookImages {
     fn file(&self, path: PathBuf, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         let key = (path, image_use);
-        let files = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let files = || self.textures.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(texture) = files().get(&key) {
             return Ok(Arc::clone(texture));
         }
         // Others may read meanwhile.
         let texture = image_use.texture(Image::load_as(&key.0, image_use.space)?);
         Ok(Arc::clone(files().entry(key).or_insert(texture)))
+    }
+
+    /// Surroundings ready for lighting. They are made where those that were asked for last have another name; none are kept where none are
+    /// made.
+    ///
+    /// # Errors
+    /// Those of making them.
+    pub fn environment(
+        &self,
+        name: String,
+        make: impl FnOnce() -> Result<Option<EnvironmentMap>>,
+    ) -> Result<Option<Arc<PrefilteredEnvironment>>> {
+        let last = || self.environment.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, environment)) = last().as_ref().filter(|(known, _)| *known == name) {
+            return Ok(Some(Arc::clone(environment)));
+        }
+        // Others may read meanwhile.
+        let Some(map) = make()? else { return Ok(None) };
+        let environment = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
+        *last() = Some((name, Arc::clone(&environment)));
+        Ok(Some(environment))
     }
 
     pub(crate) fn of_model(&self, source: &ImageSource, image_use: ImageUse) -> Result<Arc<ImageTexture>> {

@@ -1,9 +1,12 @@
 //! Looks resolved: values of textures and materials.
 
+use std::cell::Cell;
 use std::path::Path;
+use std::sync::Arc;
 
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_mesh::{CleanOptions, Mesh, clean, generate};
+use fantex_texture::environment::{EnvironmentForm, EnvironmentMap};
 use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Relief, Slot};
 use fantex_texture::{ColorSpace, Depth, Filtering, Image, ShadingPoint, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
@@ -323,4 +326,22 @@ fn smooth_tables_reach_the_borders_of_the_model() {
             assert!((expected - found).abs() < 1e-3, "{share}: {found} instead of {expected}");
         }
     }
+}
+
+#[test]
+fn surroundings_are_made_once_while_their_name_is_the_same() {
+    let (images, made) = (LookImages::default(), Cell::new(0));
+    let ask = |name: &str| {
+        let even = || {
+            made.set(made.get() + 1);
+            Ok(Some(EnvironmentMap::from_function(EnvironmentForm::Cube, 4, |_, _| Vec3::ONE)))
+        };
+        images.environment(name.to_owned(), even).unwrap().unwrap()
+    };
+    assert!(Arc::ptr_eq(&ask("a"), &ask("a")));
+    assert!(!Arc::ptr_eq(&ask("a"), &ask("b")));
+    assert_eq!(made.get(), 2);
+    assert!(images.environment("c".to_owned(), || Ok(None)).unwrap().is_none());
+    ask("b");
+    assert_eq!(made.get(), 2, "those of the last name are kept");
 }

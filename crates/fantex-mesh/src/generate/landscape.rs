@@ -92,14 +92,15 @@ pub fn landscape(options: &LandscapeOptions) -> Result<Landscape> {
     let what = format_args!("a landscape of {}", counted(triangles, "triangle"));
     let _held = input::reserve(what, BYTES_PER_TRIANGLE * triangles)?;
     let target = (options.triangles as f32).max(1000.0);
+    let site = Site::new(options);
     let mut trials: Vec<(f32, f32)> = Vec::new();
     for aim in TRIAL_TRIANGLES.into_iter().filter(|&aim| aim < 0.5 * target) {
-        let world = World::new(options, estimate(&trials, aim));
+        let world = World::new(options.seed, &site, estimate(&trials, aim));
         trials.push((world.lattice.step, world.surface().triangles.len() as f32));
     }
     let mut passes_left = MAX_PASSES;
     loop {
-        let world = World::new(options, estimate(&trials, target));
+        let world = World::new(options.seed, &site, estimate(&trials, target));
         let surface = world.surface();
         let count = surface.triangles.len() as f32;
         passes_left -= 1;
@@ -130,22 +131,22 @@ struct World {
 }
 
 impl World {
-    fn new(options: &LandscapeOptions, step: f32) -> Self {
+    fn new(seed: u64, site: &Site, step: f32) -> Self {
         let cubes = (SIZE / step).round().max(8.0);
         let step = SIZE / cubes;
-        let ground = HeightMap::new(options.seed, step);
+        let ground = HeightMap::new(seed, step);
         let range = ground.range();
         let blend = (0.6 * step).max(5.0);
-        let coarse_ground = HeightMap::new(options.seed, SIZE / REFERENCE);
-        let site =
-            Site { ground: &coarse_ground, least_radius: 1.3 * step, reach: blend, seed: options.seed };
-        let tunnels = site.tunnels(options.tunnels);
-        let arches = site.arches(options.arches, &tunnels);
+        // Tubes thinner than this would be lost between lattice points.
+        let least_radius = 1.3 * step;
+        let tubes =
+            |curves: &[Curve]| curves.iter().map(|curve| Tube::new(curve, least_radius, blend)).collect();
+        let (tunnels, arches) = (tubes(&site.tunnels), tubes(&site.arches));
         let height = range.1 + 60.0 - FLOOR;
         // Walls and floor lie half-way between lattice points: they come out exactly flat.
         let origin = Vec3::new(-0.5 * SIZE, FLOOR, -0.5 * SIZE) - 0.5 * step;
         let cubes = UVec3::new(cubes as u32 + 1, (height / step).ceil() as u32 + 1, cubes as u32 + 1);
-        let overhangs = Overhangs::new(options.seed);
+        let overhangs = Overhangs::new(seed);
         let density = Density { ground, range, tunnels, arches, blend, overhangs };
         Self { density, lattice: Lattice { origin, step, cubes } }
     }
@@ -301,6 +302,20 @@ const CLEARANCE: f32 = 5.0;
 /// Distance of a curve's nodes while it is being laid out, metres.
 const NODE: f32 = 5.0;
 
+/// The middle of a tube.
+#[derive(Clone, Debug)]
+struct Curve {
+    /// Centre and radius in metres.
+    nodes: Vec<(Vec3, f32)>,
+}
+
+impl Curve {
+    fn middle(&self) -> Vec2 {
+        let p = self.nodes[self.nodes.len() / 2].0;
+        Vec2::new(p.x, p.z)
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Tube {
     /// Centre and radius in metres.
@@ -310,7 +325,10 @@ struct Tube {
 }
 
 impl Tube {
-    fn new(nodes: Vec<(Vec3, f32)>, reach: f32) -> Self {
+    /// Around a curve, at least so thick. `reach` is how far it blends into the rock. All in metres.
+    fn new(curve: &Curve, least_radius: f32, reach: f32) -> Self {
+        let thick = |&(p, radius): &(Vec3, f32)| (p, radius.max(least_radius));
+        let nodes: Vec<(Vec3, f32)> = curve.nodes.iter().map(thick).collect();
         let low = nodes.iter().fold(Vec3::INFINITY, |low, (p, r)| low.min(*p - r - reach));
         let high = nodes.iter().fold(Vec3::NEG_INFINITY, |high, (p, r)| high.max(*p + r + reach));
         Self { nodes, low, high }
@@ -326,53 +344,48 @@ impl Tube {
         });
         is_near.then(|| depths.fold(f32::MIN, f32::max))
     }
-
-    fn middle(&self) -> Vec2 {
-        let p = self.nodes[self.nodes.len() / 2].0;
-        Vec2::new(p.x, p.z)
-    }
 }
 
-struct Site<'a> {
-    /// The ground, at a resolution that does not depend on the lattice's, so that every lattice gets the same tubes.
-    ground: &'a HeightMap,
-    /// Tubes thinner than this (radius, metres) would be lost between lattice points.
-    least_radius: f32,
-    /// How far tubes blend into the rock, metres.
-    reach: f32,
-    seed: u64,
+/// Where tubes are: the same for lattices of any step.
+struct Site {
+    /// The ground, at a resolution that does not depend on the lattice's.
+    ground: HeightMap,
+    /// Each through a mountain from open air to open air.
+    tunnels: Vec<Curve>,
+    /// Each a bridge of rock over lower ground.
+    arches: Vec<Curve>,
 }
 
-impl Site<'_> {
-    /// Up to `count` tunnels, each through a mountain from open air to open air, apart from each other.
-    fn tunnels(&self, count: u32) -> Vec<Tube> {
-        let random = Noise::new(self.seed, 20);
-        let candidates = (0..CANDIDATES).filter_map(|i| self.tunnel(&random, i));
-        self.best(candidates.collect(), count, &[])
+impl Site {
+    fn new(options: &LandscapeOptions) -> Self {
+        let ground = HeightMap::new(options.seed, SIZE / REFERENCE);
+        let mut site = Self { ground, tunnels: Vec::new(), arches: Vec::new() };
+        let random = Noise::new(options.seed, 20);
+        site.tunnels = site.best(options.tunnels, |candidate| site.tunnel(&random, candidate));
+        let random = Noise::new(options.seed, 21);
+        site.arches = site.best(options.arches, |candidate| site.arch(&random, candidate));
+        site
     }
 
-    /// Up to `count` arches, each a bridge of rock over lower ground, apart from the `others`.
-    fn arches(&self, count: u32, others: &[Tube]) -> Vec<Tube> {
-        let random = Noise::new(self.seed, 21);
-        let candidates = (0..CANDIDATES).filter_map(|i| self.arch(&random, i));
-        self.best(candidates.collect(), count, others)
-    }
-
-    /// The best candidates that keep their distance from each other and from `others`.
-    fn best(&self, mut candidates: Vec<(f32, Tube)>, count: u32, others: &[Tube]) -> Vec<Tube> {
+    /// Up to `count` of the best candidates that keep their distance from each other and from tunnels that there are.
+    fn best(&self, count: u32, candidate: impl Fn(u32) -> Option<(f32, Curve)>) -> Vec<Curve> {
+        if count == 0 {
+            return Vec::new();
+        }
+        let mut candidates: Vec<(f32, Curve)> = (0..CANDIDATES).filter_map(candidate).collect();
         candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut chosen: Vec<Tube> = Vec::new();
-        for (_, tube) in candidates {
-            let is_apart = |other: &Tube| other.middle().distance(tube.middle()) > 0.17 * SIZE;
-            if (chosen.len() as u32) < count && chosen.iter().chain(others).all(is_apart) {
-                chosen.push(tube);
+        let mut chosen: Vec<Curve> = Vec::new();
+        for (_, curve) in candidates {
+            let is_apart = |other: &Curve| other.middle().distance(curve.middle()) > 0.17 * SIZE;
+            if (chosen.len() as u32) < count && chosen.iter().chain(&self.tunnels).all(is_apart) {
+                chosen.push(curve);
             }
         }
         chosen
     }
 
     /// A random winding horizontal curve, if it runs from open air through rock into open air.
-    fn tunnel(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
+    fn tunnel(&self, random: &Noise, candidate: u32) -> Option<(f32, Curve)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.36);
         let radius = 13.0 + 6.0 * number(2);
@@ -402,11 +415,11 @@ impl Site<'_> {
         let is_sound = nodes.iter().all(inside) && rock > 2.0 * radius && altitude > radius + 8.0;
         // Long enough to be a tunnel, short enough to see light; mouths low on the mountain's front.
         let score = rock.min(110.0) + 30.0 * number(8) + 0.1 * centre.y;
-        is_sound.then(|| (score, self.tube(nodes)))
+        is_sound.then_some((score, Curve { nodes }))
     }
 
     /// A random parabola between two feet, if the ground between them is low enough to walk through.
-    fn arch(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
+    fn arch(&self, random: &Noise, candidate: u32) -> Option<(f32, Curve)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.38);
         let half_span = 30.0 + 50.0 * number(2);
@@ -435,13 +448,7 @@ impl Site<'_> {
         let is_sound = height > 1.2 * radius + CLEARANCE && slant < 0.5 * half_span;
         let score =
             1.5 * height.min(50.0) - 0.5 * slant - 0.25 * half_span + 10.0 * number(6) + 0.06 * centre.y;
-        is_sound.then(|| (score, self.tube(nodes)))
-    }
-
-    /// The tube, as wide as the lattice needs it to be.
-    fn tube(&self, mut nodes: Vec<(Vec3, f32)>) -> Tube {
-        nodes.iter_mut().for_each(|(_, radius)| *radius = radius.max(self.least_radius));
-        Tube::new(nodes, self.reach)
+        is_sound.then_some((score, Curve { nodes }))
     }
 
     /// A point of the square around the middle, `share` of the side to each direction.

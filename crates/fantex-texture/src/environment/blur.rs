@@ -255,7 +255,9 @@ impl Sums {
     /// Adds a node's light, and what light of radiance 1 from all of it would be.
     fn add(&mut self, lump: &Lump, normals: &[[f32; LANES]; 3], alpha2: f32) {
         let light = weights(lump.light, normals, alpha2);
-        let weight = weights(lump.middle, normals, alpha2);
+        // As in all leaves.
+        let is_in_middle = lump.light == lump.middle;
+        let weight = if is_in_middle { light } else { weights(lump.middle, normals, alpha2) };
         for lane in 0..LANES {
             (0..3).for_each(|channel| self.light[channel][lane] += light[lane] * lump.power[channel]);
             self.weight[lane] += weight[lane] * lump.steradians;

@@ -140,8 +140,17 @@ impl MaterialResolver<'_> {
         result.map_err(|error| self.file.error(key, error))
     }
 
+    /// The environment's light, unless it is to be captured from the scene.
+    pub(super) fn environment_light(&self, table: &EnvironmentTable) -> Result<Option<EnvironmentLight>> {
+        // These leave the map as it is.
+        let map_alone = EnvironmentTable { strength: 1.0, rotation: 0.0, visible: true, ..table.clone() };
+        let name = format!("{} {map_alone:?}", self.file.path().display());
+        let map = self.images.environment(name, || self.environment_map(table))?;
+        Ok(map.map(|map| lit_by(map, table)))
+    }
+
     /// The environment's map, unless it is to be captured from the scene.
-    pub(super) fn environment_map(&self, table: &EnvironmentTable) -> Result<Option<EnvironmentMap>> {
+    fn environment_map(&self, table: &EnvironmentTable) -> Result<Option<EnvironmentMap>> {
         let key = Key::of(["environment"]);
         let given = [
             ("image", table.image.is_some()),
@@ -197,11 +206,11 @@ impl MaterialResolver<'_> {
 
 /// A map as light.
 pub(super) fn environment_light(map: EnvironmentMap, table: &EnvironmentTable) -> EnvironmentLight {
-    EnvironmentLight {
-        map: Arc::new(PrefilteredEnvironment::new(Arc::new(map))),
-        strength: table.strength,
-        rotation_degrees: table.rotation as f32,
-    }
+    lit_by(Arc::new(PrefilteredEnvironment::new(Arc::new(map))), table)
+}
+
+fn lit_by(map: Arc<PrefilteredEnvironment>, table: &EnvironmentTable) -> EnvironmentLight {
+    EnvironmentLight { map, strength: table.strength, rotation_degrees: table.rotation as f32 }
 }
 
 fn beaming(kind: LightKind, beam: &Beam) -> Light {
@@ -363,11 +372,11 @@ impl MaterialResolver<'_> {
             (sky.sky, sky.ground) = (Vec3::ONE, Vec3::ONE);
         }
         if let Some(table) = &look.environment {
-            let map = self.environment_map(table)?.ok_or_else(|| {
+            let environment = self.environment_light(table)?.ok_or_else(|| {
                 let sentence = "light is baked without a scene that could be captured; give surroundings by image, faces, sky or color";
                 self.file.error(&Key::of(["environment", "capture"]), Error::unsupported(sentence))
             })?;
-            sky.environment = Some(environment_light(map, table));
+            sky.environment = Some(environment);
         }
         let mut lamps = Vec::new();
         for lamp in &look.light {

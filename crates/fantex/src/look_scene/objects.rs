@@ -69,7 +69,7 @@ impl Object {
                 let place = self.world_from_object.matrix3.as_mat3();
                 Box::new(LookSurface::new(mesh, materials.clone()).at_time(time).in_scene(place))
             }
-            Shape::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
+            Shape::Asset(cache) => FanSurface::boxed(cache, filter),
         }
     }
 }

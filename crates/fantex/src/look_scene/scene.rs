@@ -60,9 +60,9 @@ impl<'a> LookScene<'a> {
         let objects = resolver.objects(given)?;
         let mut lights = resolver.lights()?;
         if let (Some(lights), Some(table)) = (&mut lights, &resolver.file.look().environment)
-            && let Some(map) = resolver.environment_map(table)?
+            && let Some(environment) = resolver.environment_light(table)?
         {
-            lights.ambient = AmbientLight::environment(environment_light(map, table));
+            lights.ambient = AmbientLight::environment(environment);
         }
         Ok(Self { resolver, objects, lights, changes })
     }
