@@ -724,8 +724,9 @@ mod tests {
 
     #[test]
     fn tunnels_and_arches_are_built_and_add_handles() {
-        let with = World::new(&small(1), 6.0);
-        let without = World::new(&LandscapeOptions { tunnels: 0, arches: 0, ..small(1) }, 6.0);
+        let world = |options: &LandscapeOptions| World::new(options.seed, &Site::new(options), 6.0);
+        let with = world(&small(1));
+        let without = world(&LandscapeOptions { tunnels: 0, arches: 0, ..small(1) });
         assert!(with.density.tunnels.len() >= 2 && !with.density.arches.is_empty());
         let genus = |world: World| {
             let surface = world.surface();
