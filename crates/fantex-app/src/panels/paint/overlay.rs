@@ -54,14 +54,16 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         cross(&painter, place(at));
     }
     let settings = &viewer.settings.paint;
-    if let Some(ends) = painting.gradient_line() {
+    let gradient_line = painting.gradient_line();
+    if let Some(ends) = gradient_line {
         gradient(&painter, ends.map(place), settings);
     }
     if let Some(outline) = painting.placing_outline(&view) {
         placing(&painter, &outline, &place);
     }
     let is_moved = settings.stencil.is_on && settings.stencil.is_adjusted;
-    if let Some(at) = cursor.filter(|_| !is_moved && !painting.is_placing())
+    let has_handles = is_moved || painting.is_placing() || gradient_line.is_some();
+    if let Some(at) = cursor.filter(|_| !has_handles)
         && let Some(found) = painting.cursor(settings, &view, at)
     {
         ui.ctx().set_cursor_icon(if settings.tool == PaintTool::Pick {
