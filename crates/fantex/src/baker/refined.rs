@@ -141,6 +141,9 @@ fn automatic<'m>(
         is_more
     });
     let cut: Vec<Mesh> = cut.collect();
+    if cut.is_empty() {
+        return Ok(whole);
+    }
     let all: f64 = triangles + cut.iter().map(|refined| refined.triangles.len() as f64).sum::<f64>();
     let with_result = all + all / (1 + cut.len()) as f64;
     let mut done = 0.0;
