@@ -142,10 +142,12 @@ impl<'a> ImageSource<'a> {
 /// Texels per mesh unit where no image says.
 pub(crate) const NO_IMAGE_DENSITY: f32 = 256.0;
 
-/// A triangle that shows less of its images, in texels, shows a point of them.
+/// A triangle that shows less of its images, in texels, shows a point of them: what is left of its area comes of rounded coordinates, or of
+/// patches of a palette that are shown nearly whole by thousands of triangles.
 const POINT_TEXELS: f32 = 1.0 / 16.0;
 
-/// Texels of a whole model at the density of triangles that show a point each.
+/// Texels of a whole model at the density of triangles that show a point each: those of an image of 512 x 512, for borders between colours that
+/// look crisp where the model fills a picture of that size.
 const PALETTE_TEXELS: f64 = (1 << 18) as f64;
 
 /// What lies so near to an edge between texels lies on it, in texels.

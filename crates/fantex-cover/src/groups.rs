@@ -56,6 +56,7 @@ impl Patch {
         &order[self.start as usize..(self.start + self.length) as usize]
     }
 
+    /// Whether it is all of a component that lies in a plane.
     fn is_island(&self, order: &[u32], islands: &Islands) -> bool {
         islands.has(order[self.start as usize], self.length)
     }

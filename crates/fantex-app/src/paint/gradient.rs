@@ -12,7 +12,7 @@ use crate::paint::colors::text_hex;
 use crate::paint::cursor::world_position;
 use crate::paint::hand::CLICK_SHARE;
 use crate::paint::painting::Hand;
-use crate::paint::{ChosenTexture, Colors, PaintSettings, Painting, StrokeStart, Viewpoint};
+use crate::paint::{ChosenTexture, Colors, PaintSettings, PaintTool, Painting, StrokeStart, Viewpoint};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -111,7 +111,7 @@ impl Painting {
         Some(drag.places)
     }
 
-    /// Lays the gradient of a drag that has ended.
+    /// Lays the gradient of a drag that has ended, unless a key has taken another tool meanwhile.
     pub(super) fn lay_gradient(
         &mut self,
         drag: GradientDrag,
@@ -119,6 +119,9 @@ impl Painting {
         view: &Viewpoint,
         notices: &mut Notices,
     ) {
+        if settings.tool != PaintTool::Gradient {
+            return;
+        }
         let [from, to] = drag.places;
         if (to - from).length() <= CLICK_SHARE {
             return notices.info("Gradient: drag from where the foreground is to where it ends.");

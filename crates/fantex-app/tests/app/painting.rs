@@ -600,13 +600,16 @@ fn gradients_mix_light_by_the_way_along_the_drag() {
         t * t * (3.0 - 2.0 * t)
     };
     check(&found, white, &smooth);
-    // A click is no drag, and Esc gives one up.
+    // A click is no drag, and Esc or another tool gives one up.
     let done = studio.painting.snapshot.done.len();
     studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
     studio.pen(PenPhase::Up, begin.x, begin.y, Modifiers::NONE);
     assert!(studio.notices.log().any(|notice| notice.contains("drag from where")));
     studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
     assert!(studio.painting.drop_placing());
+    studio.pen(PenPhase::Up, end.x, end.y, Modifiers::NONE);
+    studio.pen(PenPhase::Down, begin.x, begin.y, Modifiers::NONE);
+    studio.settings.tool = PaintTool::Fill;
     studio.pen(PenPhase::Up, end.x, end.y, Modifiers::NONE);
     studio.wait();
     assert_eq!(studio.painting.snapshot.done.len(), done);
